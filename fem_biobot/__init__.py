@@ -1,0 +1,1 @@
+"""fem_biobot: finite-element continuum model of muscle-driven hydrogel walking machines."""

@@ -1,0 +1,60 @@
+"""Every way the program refuses or fails: one hierarchy, each class with the exit code the command line gives it.
+
+A message names the key or the file, what was found and what was expected, and fits on one line.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class BiobotError(Exception):
+    """Base of all errors that the package raises on purpose."""
+
+    exit_code = 1
+
+
+class DesignError(BiobotError):
+    """The design is wrong: a key, a unit, a range, or parts that do not fit together."""
+
+    exit_code = 2
+
+
+class MeshError(BiobotError):
+    """The mesh is wrong: a missing region, an inverted or orphan part, a file that is not a tetrahedral mesh."""
+
+    exit_code = 2
+
+
+class ModelError(BiobotError):
+    """A model was put together wrongly: an unknown surface, a support that holds nothing, a law that does not fit."""
+
+    exit_code = 2
+
+
+class FileError(BiobotError):
+    """A file or folder cannot be read, or must not be written over."""
+
+    exit_code = 2
+
+
+class DiskError(FileError):
+    """Writing failed half-way (a full disk); what was whole before is still whole."""
+
+    exit_code = 3
+
+
+class SolveError(BiobotError):
+    """No equilibrium was found.
+
+    Attributes
+    ----------
+    best
+        What was reached before the failure (a solution with the converged states), or None.
+    """
+
+    exit_code = 3
+
+    def __init__(self, message: str, best: Any = None) -> None:
+        super().__init__(message)
+        self.best = best

@@ -1,0 +1,227 @@
+"""Files for ParaView and pyvista: `.vtu` bodies and the `.pvd` that lists them over time.
+
+Needs meshio and no renderer, so it works on a machine without graphics. Works on plain arrays; knows nothing of designs
+or solvers. Also holds the array work that drawing and writing share: nodes doubled where two regions meet, element
+means carried to nodes, and the outer surface of quadratic tetrahedra.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.errors import FileError
+from fem_biobot.files import replacing, write_text
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_CELL_TYPES = {4: "tetra", 10: "tetra10"}
+# outward facets of a positively oriented tetrahedron: corners a, b, c, then the nodes between a-b, b-c and c-a
+_FACETS = np.array([[0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [2, 0, 3, 6, 7, 9], [0, 2, 1, 6, 5, 4]])
+_QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+
+
+def write_vtu(
+    path: str | os.PathLike[str],
+    points: NDArray[Any],
+    cells: NDArray[Any],
+    *,
+    point_data: Mapping[str, NDArray[Any]] | None = None,
+    cell_data: Mapping[str, NDArray[Any]] | None = None,
+    region: NDArray[Any] | None = None,
+) -> None:
+    """Write a body of tetrahedra with its fields as a compressed binary `.vtu`.
+
+    Parameters
+    ----------
+    path
+        The file; whole or not at all. The same arrays give the same bytes.
+    points
+        Node positions, (3, n) [mm]; the reference ones if a field `displacement_mm` moves them.
+    cells
+        Nodes of each element in VTK's order, (10, e) quadratic or (4, e) linear.
+    point_data
+        Name with unit (`displacement_mm`) to values with the point axis last: scalars (n,), vectors (3, n), symmetric
+        tensors (6, n) in the order xx, yy, zz, xy, yz, xz, tensors (3, 3, n), written row by row as nine components.
+    cell_data
+        The same per element.
+    region
+        Region number of each element, (e,); becomes the cell field `region`.
+
+    Raises
+    ------
+    FileError
+        A shape does not fit, a name has a blank, a value is not finite, or the file cannot be written.
+    """
+    points = np.asarray(points, dtype=float)
+    cells = np.asarray(cells)
+    if points.ndim != 2 or points.shape[0] != 3:
+        raise FileError(f"{path}: points have shape {points.shape}, expected (3, n)")
+    if cells.ndim != 2 or cells.shape[0] not in _CELL_TYPES:
+        raise FileError(f"{path}: cells have shape {cells.shape}, expected (4, e) or (10, e)")
+    n_points, n_cells = points.shape[1], cells.shape[1]
+    if cells.size and (cells.min() < 0 or cells.max() >= n_points):
+        raise FileError(f"{path}: cells name node {cells.max()} (lowest {cells.min()}), expected 0 to {n_points - 1}")
+    fields = dict(cell_data or {})
+    if region is not None:
+        fields["region"] = np.asarray(region, dtype=np.int32)
+    mesh = meshio.Mesh(
+        _vtk_rows(path, "points", points, n_points),
+        [(_CELL_TYPES[cells.shape[0]], np.ascontiguousarray(cells.T, dtype=np.int64))],
+        point_data={name: _vtk_rows(path, name, v, n_points) for name, v in (point_data or {}).items()},
+        cell_data={name: [_vtk_rows(path, name, v, n_cells)] for name, v in fields.items()},
+    )
+    with replacing(path) as temporary:
+        mesh.write(temporary, file_format="vtu", binary=True, compression="zlib")
+
+
+def _vtk_rows(path: str | os.PathLike[str], name: str, values: NDArray[Any], count: int) -> NDArray[Any]:
+    """Point axis first, components in a row; refuses what is not finite or does not fit `count` points."""
+    values = np.asarray(values)
+    if not name or any(c.isspace() for c in name):
+        raise FileError(f"{path}: field name {name!r}, expected one word ending in its unit, such as displacement_mm")
+    if values.dtype == bool:
+        values = values.astype(np.int8)
+    if values.dtype.kind not in "iuf":
+        raise FileError(f"{path}: field {name} holds {values.dtype}, expected numbers")
+    if values.shape not in ((count,), (3, count), (6, count), (3, 3, count)):
+        expected = f"({count},), (3, {count}), (6, {count}) or (3, 3, {count})"
+        raise FileError(f"{path}: field {name} has shape {values.shape}, expected {expected}")
+    if not np.isfinite(values).all():
+        bad = int(np.count_nonzero(~np.isfinite(values)))
+        raise FileError(f"{path}: field {name} has {bad} values that are not finite")
+    if values.ndim == 1:
+        return np.ascontiguousarray(values)
+    return np.ascontiguousarray(values.reshape(-1, count).T)
+
+
+def write_pvd(path: str | os.PathLike[str], entries: Sequence[tuple[float, str]]) -> None:
+    """Write the list of a series' files, which ParaView opens as one object over time.
+
+    Parameters
+    ----------
+    path
+        The `.pvd` file.
+    entries
+        Time (or another increasing parameter) and file name of each state. Names are relative to the `.pvd`'s folder.
+
+    Raises
+    ------
+    FileError
+        Times that do not increase, a name that is absolute or leaves the folder, or the file cannot be written.
+    """
+    times = [float(time) for time, _ in entries]
+    if not np.isfinite(times).all() or any(b <= a for a, b in itertools.pairwise(times)):
+        raise FileError(f"{path}: times of the states are {times}, expected increasing numbers")
+    rows = []
+    for time, name in zip(times, (name for _, name in entries), strict=True):
+        file = PurePosixPath(str(name).replace("\\", "/"))
+        if not file.name or file.is_absolute() or ".." in file.parts or ":" in file.parts[0]:
+            raise FileError(f"{path}: state file {name} must be named relative to the folder of the .pvd")
+        rows.append(f'    <DataSet timestep="{time!r}" group="" part="0" file={quoteattr(str(file))}/>')
+    head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">'
+    text = "\n".join(['<?xml version="1.0"?>', head, "  <Collection>", *rows, "  </Collection>", "</VTKFile>", ""])
+    write_text(path, text)
+
+
+def split_by_region(cells: Ints, region_of_element: Ints, *, n_points: int | None = None) -> tuple[Ints, Ints]:
+    """Double the nodes that regions share, so that a point field may jump from one region to the next.
+
+    Parameters
+    ----------
+    cells
+        Nodes of each element, (k, e).
+    region_of_element
+        Region number of each element, (e,).
+    n_points
+        Number of nodes; the largest in `cells` plus one if left out.
+
+    Returns
+    -------
+    node_map
+        Old node of each new node, (m,), m >= n. The first n are 0 to n-1: every old number stays valid, and
+        ``values[..., node_map]`` carries a continuous field over.
+    new_cells
+        Elements on the new nodes, (k, e). Elements of two regions share no node.
+    """
+    n = int(cells.max()) + 1 if n_points is None else n_points
+    region = np.unique(np.asarray(region_of_element), return_inverse=True)[1].astype(np.int64)
+    count = int(region.max()) + 1
+    node, where = np.unique((cells * count + region).ravel(), return_inverse=True)  # pairs of (old node, region)
+    old = node // count
+    first = np.ones(old.size, dtype=bool)
+    first[1:] = old[1:] != old[:-1]
+    number = np.where(first, old, 0)
+    number[~first] = n + np.arange(np.count_nonzero(~first))
+    node_map = np.concatenate([np.arange(n, dtype=np.int64), old[~first].astype(np.int64)])
+    return node_map, number[where].reshape(cells.shape).astype(np.int64)
+
+
+def nodal_mean(
+    cells: Ints, values: NDArray[Any], *, weights: NDArray[Any] | None = None, n_points: int | None = None
+) -> Array:
+    """Weighted mean at each node of the values of the elements around it.
+
+    Parameters
+    ----------
+    cells
+        Nodes of each element, (k, e); from `split_by_region` to keep jumps between regions.
+    values
+        Element values with the element axis last, (..., e).
+    weights
+        Positive weight of each element, (e,), usually its volume; equal if left out.
+    n_points
+        Number of nodes; the largest in `cells` plus one if left out.
+
+    Returns
+    -------
+    Array
+        Values at the nodes, (..., n); zero at nodes of no element. Constants are reproduced.
+    """
+    values = np.asarray(values, dtype=float)
+    n = int(cells.max()) + 1 if n_points is None else n_points
+    weight = np.ones(cells.shape[1]) if weights is None else np.asarray(weights, dtype=float)
+    nodes = cells.ravel()
+    total = np.bincount(nodes, np.tile(weight, cells.shape[0]), n)
+    rows = (values * weight).reshape(-1, cells.shape[1])
+    sums = np.array([np.bincount(nodes, np.tile(row, cells.shape[0]), n) for row in rows])
+    return (sums / np.where(total > 0.0, total, 1.0)).reshape(*values.shape[:-1], n)
+
+
+def boundary_surface(cells: Ints, *, node_map: Ints | None = None) -> Ints:
+    """Outer surface of a body of tetrahedra as triangles between neighbouring nodes.
+
+    Parameters
+    ----------
+    cells
+        Nodes of each element in VTK's order, positively oriented, (10, e) or (4, e); a subset of a mesh is a body too.
+    node_map
+        From `split_by_region`, where `cells` are its new cells: facets between regions then count as interior.
+
+    Returns
+    -------
+    Ints
+        Triangles, (3, f), turning counter-clockwise seen from outside. A quadratic facet gives four.
+    """
+    local = _FACETS if cells.shape[0] == 10 else _FACETS[:, :3]
+    facets = cells[local].transpose(1, 0, 2).reshape(local.shape[1], -1)  # (6 or 3, 4 e)
+    corners = facets[:3] if node_map is None else node_map[facets[:3]]
+    key = np.sort(corners, axis=0)
+    order = np.lexsort(key)
+    same = (key[:, order[1:]] == key[:, order[:-1]]).all(axis=0)
+    inner = np.zeros(order.size, dtype=bool)
+    inner[1:] |= same
+    inner[:-1] |= same
+    outer = np.sort(order[~inner])
+    if cells.shape[0] == 4:
+        return facets[:, outer]
+    return facets[:, outer][_QUARTERS.T].reshape(3, -1)

@@ -1,0 +1,215 @@
+"""Linear algebra of the solid: symmetric factorisation with its analysis kept, and conjugate gradients on top of it.
+
+PARDISO (Intel MKL, loaded through pypardiso) factors the upper triangle as it is assembled, after one analysis per
+pattern; its refusal of a matrix that is not positive definite is handed on as `NotPositiveDefinite`. Elsewhere SuperLU
+factors the full matrix; it cannot tell definiteness, which conjugate gradients then notice.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from fem_biobot.solid.kernels import symmetric_product
+from fem_biobot.solid.pattern import Pattern
+
+Array = NDArray[np.float64]
+
+
+class NotPositiveDefiniteError(Exception):
+    """The matrix has a direction of no or negative stiffness; the caller halves its step or reports instability."""
+
+
+class Factorisation(Protocol):
+    """A factorisation that can be renewed for new values on the same pattern."""
+
+    name: str
+
+    def factor(self, data: Array) -> None:
+        """Factor the matrix with these upper-triangle values; may raise `NotPositiveDefiniteError`."""
+        ...
+
+    def solve(self, b: Array) -> Array:
+        """Solve with the latest factor; returns a new array."""
+        ...
+
+
+class Pardiso:
+    """Cholesky factorisation by MKL's PARDISO, one analysis for the life of the object."""
+
+    name = "PARDISO (MKL), symmetric positive definite"
+
+    def __init__(self, pattern: Pattern) -> None:
+        self._call = _mkl_pardiso()
+        self._pattern = pattern
+        self._pt = np.zeros(64, dtype=np.int64)
+        iparm = np.zeros(64, dtype=np.int32)
+        iparm[0] = 1  # no defaults: every entry below is chosen
+        iparm[1] = 2  # nested dissection by METIS
+        iparm[9] = 8  # pivot perturbation 1e-8 (unused for a definite matrix)
+        iparm[17] = -1  # report the fill
+        iparm[23] = 1  # two-level factorisation, scales on few threads
+        iparm[34] = 1  # zero-based indices
+        self._iparm = iparm
+        self._analysed = False
+        self._data: Array | None = None
+
+    def _run(self, phase: int, data: Array | None, b: Array | None = None, x: Array | None = None) -> int:
+        int32 = ctypes.c_int32
+        error = int32(0)
+        dummy = ctypes.c_double(0.0)
+
+        def at(array: np.ndarray | None) -> Any:
+            return ctypes.byref(dummy) if array is None else array.ctypes.data_as(ctypes.c_void_p)
+
+        n = self._pattern.n_dofs
+        self._call(
+            self._pt.ctypes.data_as(ctypes.POINTER(ctypes.c_int64)),
+            ctypes.byref(int32(1)), ctypes.byref(int32(1)), ctypes.byref(int32(2)), ctypes.byref(int32(phase)),
+            ctypes.byref(int32(n)),
+            at(data),
+            self._pattern.starts.ctypes.data_as(ctypes.POINTER(int32)),
+            self._pattern.columns.ctypes.data_as(ctypes.POINTER(int32)),
+            ctypes.byref(int32(0)), ctypes.byref(int32(1)),
+            self._iparm.ctypes.data_as(ctypes.POINTER(int32)),
+            ctypes.byref(int32(0)),
+            at(b), at(x), ctypes.byref(error),
+        )  # fmt: skip
+        return error.value
+
+    def factor(self, data: Array) -> None:
+        """Factor; the first call also analyses the pattern."""
+        if not self._analysed:
+            error = self._run(11, data)
+            if error:
+                raise MemoryError(f"PARDISO: analysis failed with code {error}")
+            self._analysed = True
+        error = self._run(22, data)
+        if error == -4:
+            raise NotPositiveDefiniteError
+        if error:
+            raise MemoryError(f"PARDISO: factorisation failed with code {error}")
+        self._data = data
+
+    def solve(self, b: Array) -> Array:
+        """Solve with the latest factor."""
+        x = np.empty_like(b)
+        error = self._run(33, self._data, np.ascontiguousarray(b), x)
+        if error:
+            raise MemoryError(f"PARDISO: solution failed with code {error}")
+        return x
+
+    def __del__(self) -> None:
+        if getattr(self, "_analysed", False):
+            self._run(-1, None)
+
+
+class SuperLU:
+    """LU factorisation by SciPy's SuperLU, for machines without MKL; symmetric ordering, no pivoting off the diagonal."""
+
+    name = "SuperLU (SciPy)"
+
+    def __init__(self, pattern: Pattern) -> None:
+        self._pattern = pattern
+        self._lu: Any = None
+
+    def factor(self, data: Array) -> None:
+        """Factor the full matrix."""
+        p = self._pattern
+        upper = sparse.csr_matrix((data, p.columns, p.starts), shape=(p.n_dofs, p.n_dofs))
+        full = (upper + sparse.triu(upper, 1).T).tocsc()
+        try:
+            self._lu = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError:
+            raise NotPositiveDefiniteError from None
+
+    def solve(self, b: Array) -> Array:
+        """Solve with the latest factor."""
+        return self._lu.solve(b)
+
+
+def _mkl_pardiso() -> Callable[..., None]:
+    """MKL's `pardiso` entry as pypardiso finds and types it; ImportError where it is not installed."""
+    from pypardiso.pardiso_wrapper import PyPardisoSolver
+
+    return PyPardisoSolver()._mkl_pardiso
+
+
+def pardiso_missing() -> str | None:
+    """Why PARDISO cannot be used here, or None if it can."""
+    if os.environ.get("FEM_BIOBOT_FACTORISATION", "").lower() == "superlu":
+        return "FEM_BIOBOT_FACTORISATION asks for SuperLU"
+    try:
+        _mkl_pardiso()
+    except (ImportError, OSError, AttributeError) as error:
+        return str(error) or type(error).__name__
+    return None
+
+
+def factorisation(pattern: Pattern) -> Factorisation:
+    """The best factorisation that this machine has."""
+    return SuperLU(pattern) if pardiso_missing() else Pardiso(pattern)
+
+
+def conjugate_gradients(
+    pattern: Pattern,
+    data: Array,
+    b: Array,
+    precondition: Callable[[Array], Array],
+    *,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Array, int, bool]:
+    """Preconditioned conjugate gradients from zero.
+
+    Parameters
+    ----------
+    pattern, data
+        Upper triangle of the symmetric matrix.
+    b
+        Right-hand side, (dofs,).
+    precondition
+        Approximate inverse, symmetric positive definite.
+    tolerance
+        Reduction of the residual norm at which to stop.
+    max_iterations
+        Limit.
+
+    Returns
+    -------
+    tuple
+        Solution, iterations used, and whether the tolerance was reached.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        On a direction of negative curvature.
+    """
+    x = np.zeros_like(b)
+    r = b.copy()
+    Ap = np.empty_like(b)
+    goal = tolerance * float(np.linalg.norm(b))
+    z = precondition(r)
+    p = z.copy()
+    rz = float(r @ z)
+    for iteration in range(1, max_iterations + 1):
+        symmetric_product(pattern.starts, pattern.columns, data, p, Ap)
+        curvature = float(p @ Ap)
+        if not curvature > 0.0:
+            raise NotPositiveDefiniteError
+        alpha = rz / curvature
+        x += alpha * p
+        r -= alpha * Ap
+        if float(np.linalg.norm(r)) <= goal:
+            return x, iteration, True
+        z = precondition(r)
+        rz, before = float(r @ z), rz
+        p = z + (rz / before) * p
+    return x, max_iterations, False

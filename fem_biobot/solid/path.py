@@ -1,0 +1,116 @@
+"""A path of load steps: predictor, halving of steps that fail, and the outcome.
+
+The predictor extrapolates the last states quadratically in the path's parameter, the displacement AND the point
+stresses: extrapolating the displacement alone leaves a strip full of spurious membrane stress and is worse than none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fem_biobot.material.law import Array
+from fem_biobot.solid.newton import Counts, Equilibrium, LinearSolver, NewtonSettings, Observer, StepFailedError, newton
+from fem_biobot.solid.records import Step
+from fem_biobot.solid.system import InvertedError, System
+
+_HALVINGS = 8
+# a predictor may reach this many times the last interval before it loses an order
+_REACH = 2.0
+
+
+class PathFailedError(Exception):
+    """No equilibrium at a step even after halving it; carries the last state reached and the step that failed."""
+
+    def __init__(self, reason: str, reached: Step, wanted: Step) -> None:
+        super().__init__(reason)
+        self.reached, self.wanted = reached, wanted
+
+
+def equilibria(
+    system: System,
+    solver: LinearSolver,
+    steps: list[Step],
+    settings: NewtonSettings,
+    observe: Observer,
+    start: list[Equilibrium] | None = None,
+) -> Iterator[tuple[Equilibrium, Counts]]:
+    """Yield the equilibrium of every step asked for, with the work it took (intermediate steps included).
+
+    Parameters
+    ----------
+    start
+        States to go on from, latest last; by default the undeformed body without load.
+    """
+    history = list(start) if start else [_rest(system)]
+    scale = 0.0
+    for target in steps:
+        before = Counts(solver.counts.newton, solver.counts.factorisations, solver.counts.cg)
+        goals = [target]
+        halvings = 0
+        while goals:
+            goal = goals[-1]
+            try:
+                u, S = _predict(system, history, goal)
+                state, scale = newton(system, solver, goal, u, S, scale, settings, observe)
+            except StepFailedError as failure:
+                halvings += 1
+                reached = history[-1].step
+                if halvings > _HALVINGS:
+                    raise PathFailedError(str(failure), reached, target) from None
+                observe("halved", {"load": goal.load, "tension": goal.tension})
+                goals.append(Step(0.5 * (reached.load + goal.load), 0.5 * (reached.tension + goal.tension)))
+                continue
+            goals.pop()
+            history = [*history[-2:], state]
+        now = solver.counts
+        yield history[-1], Counts(
+            now.newton - before.newton, now.factorisations - before.factorisations, now.cg - before.cg
+        )
+
+
+def _rest(system: System) -> Equilibrium:
+    """The undeformed body without load or tension, as the first point of a path."""
+    u = np.zeros((system.space.n_nodes, 3))
+    points = system.points(system.deformation_gradient(u), 0.0)
+    return Equilibrium(Step(0.0, 0.0), u, points, np.zeros_like(u), 0.0, 0)
+
+
+def _predict(system: System, history: list[Equilibrium], goal: Step) -> tuple[Array, Array | None]:
+    """Trial displacement and carried stress at `goal` from up to three collinear states."""
+    last = history[-1]
+    here = np.array([last.step.load, last.step.tension])
+    way = np.array([goal.load, goal.tension]) - here
+    length = float(np.linalg.norm(way))
+    if length == 0.0 or len(history) < 2:
+        return last.u, None
+    # parameter: 0 at the last state, 1 at the goal
+    places = []
+    for state in history:
+        offset = np.array([state.step.load, state.step.tension]) - here
+        along = float(offset @ way) / length**2
+        if np.linalg.norm(offset - along * way) > 1e-9 * max(length, float(np.linalg.norm(offset))):
+            places.clear()
+            continue
+        places.append((along, state))
+    # each order needs an interval comparable with the step; a repeated or reversed parameter carries nothing
+    chosen = [(0.0, last)]
+    for along, state in reversed(places[:-1]):
+        nearest = min(abs(along - other) for other, _ in chosen)
+        if nearest * _REACH < 1.0 and len(chosen) > 1:
+            break
+        if nearest * 2.0 * _REACH < 1.0:
+            break
+        chosen.append((along, state))
+    if len(chosen) < 2:
+        return last.u, None
+    s = np.array([along for along, _ in chosen])
+    weights = [float(np.prod([(1.0 - s[j]) / (s[i] - s[j]) for j in range(len(s)) if j != i])) for i in range(len(s))]
+    u = sum(w * state.u for w, (_, state) in zip(weights, chosen, strict=True))
+    S = sum(w * state.points.S for w, (_, state) in zip(weights, chosen, strict=True))
+    try:
+        system.points(system.deformation_gradient(u), 0.0, passive=False)
+    except InvertedError:
+        return last.u, None
+    return np.asarray(u), np.asarray(S)

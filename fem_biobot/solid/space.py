@@ -1,0 +1,145 @@
+"""The finite-element space on a mesh: node numbers, slopes of the basis at quadrature points, weights.
+
+Spaces, node numbers and quadrature come from scikit-fem; what is kept here is only what the kernels read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+
+from fem_biobot.errors import ModelError
+from fem_biobot.mesh.body import BodyMesh
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Element(str, Enum):
+    """Displacement elements.
+
+    * ``P2``: quadratic tetrahedra; sound up to a Poisson's ratio of about 0.49.
+    * ``P1``: linear tetrahedra; locks in bending and near incompressibility; to preview and to show locking.
+    """
+
+    P2 = "P2"
+    P1 = "P1"
+
+
+_ELEMENTS = {Element.P2: skfem.ElementTetP2, Element.P1: skfem.ElementTetP1}
+
+
+@dataclass(frozen=True)
+class Space:
+    """A vector space of displacements on straight-sided tetrahedra.
+
+    Attributes
+    ----------
+    mesh
+        The scikit-fem mesh (same vertices, same order).
+    element
+        Which element.
+    shape
+        Its scikit-fem counterpart.
+    nodes
+        Node numbers, (b, e): vertices first, then edge midpoints in VTK's order for quadratic tetrahedra.
+    points
+        Reference positions of the nodes, (3, n) [mm].
+    slopes
+        Gradients of the basis on the unit cell, (b, 3, q).
+    values
+        Values of the basis at the quadrature points, (b, q).
+    to_reference
+        ``d xi / d X``, (3, 3, e) [1/mm].
+    dV
+        Reference volume of each quadrature point, (e, q) [mm^3].
+    """
+
+    mesh: skfem.MeshTet
+    element: Element
+    shape: skfem.Element
+    nodes: Ints
+    points: Array
+    slopes: Array
+    values: Array
+    to_reference: Array
+    dV: Array
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes; the unknowns are three times as many."""
+        return self.points.shape[1]
+
+    @property
+    def quadrature_points(self) -> Array:
+        """Reference positions of the quadrature points, (3, e, q) [mm]."""
+        return np.einsum("beq,ibe->ieq", np.broadcast_to(self.values[:, None, :], (*self.nodes.shape, self.values.shape[1])),
+                         self.points[:, self.nodes])
+
+    def surface_nodes(self, triangles: Ints) -> Ints:
+        """Nodes of the facets, (3 or 6, f): corners, then the midpoints of sides 01, 12, 02.
+
+        `triangles` (3, f) are vertex triples; each side must be an edge of the mesh.
+        """
+        if self.element is Element.P1:
+            return triangles
+        sides = np.stack([triangles[[0, 1]], triangles[[1, 2]], triangles[[0, 2]]])  # (3, 2, f)
+        sides = np.sort(sides, axis=1)
+        n = self.mesh.p.shape[1]
+        edges = np.sort(self.mesh.edges, axis=0)
+        keys = edges[0] * n + edges[1]
+        order = np.argsort(keys)
+        wanted = sides[:, 0] * n + sides[:, 1]
+        place = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
+        found = order[place]
+        if not np.array_equal(keys[found], wanted):
+            raise ModelError("surface: found a triangle whose side is no edge of the mesh, expected facets of the tetrahedra")
+        return np.concatenate([triangles, n + found])
+
+
+def space(mesh: BodyMesh, element: Element | str = Element.P2, degree: int | None = None) -> Space:
+    """Displacement space on a mesh.
+
+    Parameters
+    ----------
+    mesh
+        Checked mesh with positively oriented tetrahedra.
+    element
+        See `Element`.
+    degree
+        Degree up to which the quadrature is exact; by default twice that of the strain (2 for P2: 4 points; 1 for P1),
+        which integrates the small-strain stiffness exactly. Degree 4 has a negative weight and is replaced by 5.
+    """
+    try:
+        element = Element(element)
+    except ValueError:
+        raise ModelError(f"element: found {element!r}, expected one of {', '.join(e.value for e in Element)}") from None
+    default = 2 if element is Element.P2 else 1
+    degree = default if degree is None else degree
+    # the 11-point rule of degree 4 breaks positivity of the energy
+    degree = 5 if degree == 4 else degree
+    tets = skfem.MeshTet(np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.cells), sort_t=False)
+    shape = _ELEMENTS[element]()
+    basis = skfem.CellBasis(tets, shape, intorder=degree)
+    slopes = np.stack([shape.lbasis(basis.X, b)[1] for b in range(basis.Nbfun)])
+    values = np.stack([shape.lbasis(basis.X, b)[0] for b in range(basis.Nbfun)])
+    to_reference = basis.mapping.invDF(basis.X)[..., 0]  # affine: one per element
+    nodes = np.ascontiguousarray(basis.element_dofs.astype(np.int64))
+    points = mesh.points
+    if element is Element.P2:
+        points = np.concatenate([points, tets.p[:, tets.edges].mean(axis=1)], axis=1)
+    return Space(
+        tets,
+        element,
+        shape,
+        nodes,
+        np.ascontiguousarray(points),
+        np.ascontiguousarray(slopes),
+        np.ascontiguousarray(np.broadcast_to(values, (basis.Nbfun, basis.X.shape[-1]))),
+        np.ascontiguousarray(to_reference),
+        np.ascontiguousarray(basis.dx),
+    )

@@ -1,0 +1,207 @@
+"""The discrete equations of a solid model: what a Newton iteration evaluates, with everything constant made once.
+
+Vectors of unknowns are (n, 3), node by node. Nodes held along directions that are not the global axes are solved in
+axes of their own ("turned" nodes); `to_local` and `to_global` go between the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.errors import ModelError
+from fem_biobot.material.active import ActiveStress
+from fem_biobot.material.kernels import nominal_tension_points
+from fem_biobot.material.law import PAIRS, Array, Law, inverse
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.solid import kernels
+from fem_biobot.solid.held import Held, held
+from fem_biobot.solid.loading import dead_load
+from fem_biobot.solid.pattern import Pattern, pattern
+from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
+from fem_biobot.solid.space import Element, Ints, Space, space
+
+
+class Points(NamedTuple):
+    """What the laws say at every quadrature point: ``F`` (3, 3, e, q), packed ``S`` and ``D``, energy ``psi`` (e, q)."""
+
+    F: Array
+    S: Array
+    D: Array
+    psi: Array
+
+
+class InvertedError(Exception):
+    """A trial displacement turns an element inside out; carries the element and its worst determinant."""
+
+    def __init__(self, J: float, element: int) -> None:
+        super().__init__(f"element {element} is inverted (det F = {J:.3g})")
+        self.J, self.element = J, element
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """The active tension of one region prepared for the kernel: elements, tension (e, q) and fibres (3, e, q)."""
+
+    elements: Ints
+    tension: Array
+    a0: Array
+
+
+@dataclass(frozen=True)
+class System:
+    """Discrete equations; made by `assemble_system`, immutable."""
+
+    space: Space
+    pattern: Pattern
+    laws: tuple[tuple[Law, Ints], ...]
+    contractions: tuple[Contraction, ...]
+    held: Held
+    dead_load: Array
+    turned: NDArray[np.int64]
+    blocked: NDArray[np.int64]
+    diagonal: NDArray[np.int64]
+
+    @property
+    def n_dofs(self) -> int:
+        """Unknowns, the held ones included."""
+        return self.pattern.n_dofs
+
+    def to_local(self, v: Array) -> Array:
+        """Global components (n, 3) to the axes in which the equations are solved."""
+        return self.held.to_local(v)
+
+    def to_global(self, v: Array) -> Array:
+        """Back from the axes in which the equations are solved."""
+        return self.held.to_global(v)
+
+    def deformation_gradient(self, u: Array) -> Array:
+        """``F`` at the quadrature points, (3, 3, e, q)."""
+        F = np.empty((3, 3, *self.space.dV.shape))
+        kernels.deformation_gradient(u, self.space.nodes, self.space.slopes, self.space.to_reference, F)
+        return F
+
+    def points(self, F: Array, tension: float, passive: bool = True) -> Points:
+        """Laws at the quadrature points; raises `InvertedError` where an element is inverted."""
+        J, element = kernels.smallest_volume_ratio(F)
+        if not J > 0.0:
+            raise InvertedError(J, element)
+        shape = self.space.dV.shape
+        S, D, psi = np.zeros((6, *shape)), np.zeros((21, *shape)), np.zeros(shape)
+        if passive:
+            for law, elements in self.laws:
+                add_law(law, F, elements, S, D, psi)
+        if tension != 0.0:
+            for c in self.contractions:
+                nominal_tension_points(F, c.elements, tension * c.tension, c.a0, S, D, psi)
+        return Points(F, S, D, psi)
+
+    def internal_force(self, points: Points) -> tuple[Array, Array]:
+        """Internal force (n, 3) [mN] and the sum of the sizes of its element parts."""
+        force = np.zeros((self.space.n_nodes, 3))
+        magnitude = np.zeros_like(force)
+        s = self.space
+        kernels.internal_force(s.nodes, s.slopes, s.to_reference, s.dV, points.F, points.S, force, magnitude)
+        return force, magnitude
+
+    def tangent(self, F: Array, S: Array, D: Array) -> Array:
+        """Upper triangle of the tangent in local axes, held unknowns included."""
+        s, p = self.space, self.pattern
+        data = np.zeros(len(p.columns))
+        kernels.tangent(
+            s.nodes, s.slopes, s.to_reference, s.dV, F, S, D, p.row_start, p.rank, self.turned, self.held.axes, data
+        )
+        return data
+
+    def product(self, data: Array, v: Array) -> Array:
+        """Matrix times vector, both in local axes."""
+        y = np.empty(self.n_dofs)
+        kernels.symmetric_product(self.pattern.starts, self.pattern.columns, data, np.ascontiguousarray(v).ravel(), y)
+        return y.reshape(-1, 3)
+
+    def block(self, data: Array) -> None:
+        """Replace the rows and columns of held unknowns by those of a scaled identity, in place."""
+        scale = float(np.mean(data[self.pattern.starts[:-1]]))
+        data[self.blocked] = 0.0
+        data[self.diagonal] = scale
+
+
+def add_law(law: Law, F: Array, elements: Ints, S: Array, D: Array, psi: Array) -> None:
+    """Add a law's second Piola stress, tangent and energy at the points of `elements`.
+
+    Uses the law's compiled form where it has one, else converts its first Piola stress and tangent.
+    """
+    compiled = getattr(law, "add_second_piola", None)
+    if compiled is not None:
+        compiled(F, elements, S, D, psi)
+        return
+    part = F[:, :, elements]
+    g = inverse(part)
+    full = np.einsum("im...,mk...->ik...", g, law.stress(part))
+    A4 = law.tangent(part)
+    eye = np.eye(3)[:, :, None, None]
+    material = np.einsum("mi...,ikjl...,nj...->mknl...", g, A4 - np.einsum("ij...,kl...->ikjl...", eye, full), g)
+    place = 0
+    for a, (i, j) in enumerate(PAIRS):
+        S[a, elements] += full[i, j]
+        for k, m in PAIRS[a:]:
+            D[place, elements] += material[i, j, k, m]
+            place += 1
+    psi[elements] += law.energy(part)
+
+
+def assemble_system(
+    mesh: BodyMesh,
+    materials: Mapping[str, Law],
+    active: Mapping[str, ActiveStress],
+    supports: Sequence[Fix | Symmetry],
+    loads: Sequence[Traction | BodyForce],
+    element: Element | str,
+    degree: int | None,
+) -> System:
+    """Check that the parts of a model fit the mesh and make its discrete equations."""
+    for what, names in (("materials", materials), ("active", active)):
+        for name in names:
+            if name not in mesh.regions:
+                raise ModelError(f"{what}: found region {name!r}, expected one of {', '.join(mesh.regions)}")
+    missing = [name for name in mesh.regions if name not in materials]
+    if missing:
+        raise ModelError(f"materials: found none for region {missing[0]!r}, expected a law for every region")
+    body = space(mesh, element, degree)
+    laws = tuple((law, np.ascontiguousarray(mesh.regions[name], dtype=np.int64)) for name, law in materials.items())
+    held_nodes = held(mesh, body, supports)
+    sparsity = pattern(body.nodes, body.n_nodes)
+    fixed = np.zeros(sparsity.n_dofs, dtype=bool)
+    fixed[held_nodes.dofs] = True
+    rows = np.repeat(np.arange(sparsity.n_dofs), np.diff(sparsity.starts))
+    blocked = np.flatnonzero(fixed[rows] | fixed[sparsity.columns])
+    return System(
+        body,
+        sparsity,
+        laws,
+        tuple(_contraction(mesh, body, name, muscle) for name, muscle in active.items()),
+        held_nodes,
+        dead_load(mesh, body, loads),
+        held_nodes.turned,
+        blocked,
+        sparsity.starts[:-1][fixed].astype(np.int64),
+    )
+
+
+def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress) -> Contraction:
+    elements = np.ascontiguousarray(mesh.regions[name], dtype=np.int64)
+    n, n_points = body.dV.shape
+    tension, a0 = np.zeros((n, n_points)), np.zeros((3, n, n_points))
+    for label, given in (("tension", np.asarray(muscle.tension)), ("a0", muscle.a0[0])):
+        if given.ndim and given.shape != (len(elements),):
+            raise ModelError(
+                f"active[{name!r}].{label}: found {given.shape[0]} values, expected one for each of "
+                f"{len(elements)} elements of the region"
+            )
+    tension[elements] = np.asarray(muscle.tension).reshape(-1, 1)
+    a0[:, elements] = muscle.a0.reshape(3, -1, 1)
+    return Contraction(elements, tension, a0)

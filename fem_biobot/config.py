@@ -1,0 +1,234 @@
+"""Design files: the one reader and the one writer of TOML, the digests that name results, the schema for editors."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fem_biobot.design import Design, Key, keys, sections, unknown_key
+from fem_biobot.design_checks import unused_keys
+from fem_biobot.errors import DesignError, FileError
+from fem_biobot.units import format_quantity, parse_quantity, shown
+
+PRESETS = Path(__file__).parent / "presets"
+_ORDER = ("junction_bot", "ring_bot", "strip", "cantilever")
+_LARGEST_FILE = 1_000_000
+_NOT_GEOMETRY = ("skeleton.material.", "muscle.material.")
+_FIBRE_KEYS = (
+    "muscle.reference",
+    "muscle.theta",
+    "muscle.spread",
+    "muscle.gamma",
+    "muscle.passive_tension",
+    "muscle.active_tension",
+    "muscle.convention",
+)
+
+Table = dict[str, Any]
+
+
+@cache
+def presets() -> Mapping[str, str]:
+    """Names of the designs that come with the package, each with a line about it."""
+    found = {path.stem: str(_read_table(path).get("description", "")) for path in sorted(PRESETS.glob("*.toml"))}
+    return dict(sorted(found.items(), key=lambda item: (_ORDER + tuple(found)).index(item[0])))
+
+
+def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Design:
+    """Design of a preset or of a TOML file.
+
+    Parameters
+    ----------
+    name_or_path
+        Name of a preset, or path of a file. A file may start from another design with ``base = "junction_bot"`` (a
+        preset, or a path beside the file) and give only the keys that differ.
+    overrides
+        Texts such as ``muscle.theta=80 deg``, applied last, in order.
+
+    Raises
+    ------
+    FileError
+        No such preset or file, or it cannot be read.
+    DesignError
+        Not TOML, or not a design; one line with the key or the line, what was found and what was expected.
+    """
+    path = _design_path(name_or_path, Path())
+    table = _resolved_table(path, ())
+    table.setdefault("name", path.stem)
+    for override in overrides:
+        _apply(table, override)
+    return Design.model_validate(_values(table, ""))
+
+
+def to_toml(design: Design) -> str:
+    """Text of a design file that reads back as the identical design, every key of this kind of machine in it."""
+    unused = unused_keys(design)
+    lines: list[str] = []
+    section = ""
+    for name, key in keys().items():
+        value = design.value(name)
+        if value is None or name in unused:
+            continue
+        inside, _, last = name.rpartition(".")
+        if inside != section:
+            section = inside
+            lines += ["", f"[{section}]"]
+        lines.append(f"{last} = {_toml_value(value, key)}")
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def digest(design: Design) -> str:
+    """Sixteen hexadecimal characters that name what a design computes; blind to its name, units and key order."""
+    return _digest(design, [name for name in keys() if name not in ("name", "description")])
+
+
+def geometry_digest(design: Design) -> str:
+    """As `digest`, over what the mesh's shape depends on only: kind and lengths, not the mesh size."""
+    chosen = [
+        name
+        for name in keys()
+        if name == "kind"
+        or (
+            name.startswith(("skeleton.", "muscle.")) and not name.startswith(_NOT_GEOMETRY) and name not in _FIBRE_KEYS
+        )
+    ]
+    return _digest(design, chosen)
+
+
+def _digest(design: Design, names: Sequence[str]) -> str:
+    unused = unused_keys(design)
+    content = {name: design.value(name) for name in names if name not in unused}
+    # -0.0 and 0.0 are the same design
+    content = {k: v + 0.0 if isinstance(v, float) else v for k, v in content.items() if v is not None}
+    text = json.dumps(content, sort_keys=True, allow_nan=False, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _design_path(name_or_path: str | Path, folder: Path) -> Path:
+    text = str(name_or_path)
+    preset = PRESETS / f"{text}.toml"
+    if re.fullmatch(r"\w+", text) and preset.is_file():
+        return preset
+    path = folder / Path(text).expanduser()
+    if path.is_file():
+        return path
+    names = ", ".join(p for p in _ORDER if (PRESETS / f"{p}.toml").is_file())
+    near = difflib.get_close_matches(text, _ORDER, 1, 0.6)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    if path.exists():
+        raise FileError(f"{shown(str(path))[1:-1]}: found a folder, expected a TOML file or a preset ({names})")
+    raise FileError(f"{shown(text)[1:-1]}: no such file or preset, expected a TOML file or one of: {names}{hint}")
+
+
+def _read_table(path: Path) -> Table:
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise FileError(f"{path}: found {path.stat().st_size} bytes, expected a design file of at most 1 MB")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror}), expected a TOML file") from None
+    except UnicodeDecodeError:
+        raise FileError(f"{path}: found bytes that are not UTF-8 text, expected a TOML file") from None
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        message = " ".join(str(error).split())
+        place = re.search(r"\(at line (\d+), column (\d+)\)", message)
+        line = place[1] if place else str(text.count("\n") + 1)
+        what = re.sub(r"\s*\(at [^()]*\)$", "", message)
+        raise DesignError(f"{path}, line {line}: found {what[:1].lower()}{what[1:]}, expected TOML") from None
+    except RecursionError:
+        raise DesignError(f"{path}: found tables nested too deeply, expected a design file") from None
+
+
+def _resolved_table(path: Path, seen: tuple[Path, ...]) -> Table:
+    """Table of a file laid over the table of its base."""
+    here = path.resolve()
+    if here in seen:
+        raise DesignError(f"base: found {path.name}, which leads back to itself, expected a preset or another file")
+    table = _read_table(path)
+    base = table.pop("base", None)
+    if base is None:
+        return table
+    if not isinstance(base, str):
+        raise DesignError(f"base: found {shown(base)}, expected the name of a preset or the path of a file")
+    below = _resolved_table(_design_path(base, path.parent), (*seen, here))
+    below.pop("name", None)
+    below.pop("description", None)
+    return _overlay(below, table)
+
+
+def _overlay(below: Table, above: Table) -> Table:
+    merged = copy.copy(below)
+    for name, value in above.items():
+        old = merged.get(name)
+        merged[name] = _overlay(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _apply(table: Table, override: str) -> None:
+    """Write one ``key.path=value unit`` into the table."""
+    name, equals, text = override.partition("=")
+    name, text = name.strip(), text.strip()
+    if not equals or not name:
+        raise DesignError(f'--set: found {shown(override)}, expected key=value, such as muscle.theta="90 deg"')
+    if len(text) >= 2 and text[0] == text[-1] and text[0] in "\"'":
+        text = text[1:-1]
+    if name not in keys():
+        if name in sections():
+            raise DesignError(f"{name}: found {shown(text)}, expected a key of this section, such as {_first_of(name)}")
+        raise DesignError(unknown_key(name))
+    *path, last = name.split(".")
+    for section in path:
+        inner = table.get(section)
+        if inner is not None and not isinstance(inner, dict):
+            raise DesignError(f"{section}: found {shown(inner)}, expected a section")
+        # a changed copy, since the table may be shared with a base
+        table[section] = dict(inner or {})
+        table = table[section]
+    table[last] = text
+
+
+def _first_of(section: str) -> str:
+    return next(name for name in keys() if name.startswith(section + "."))
+
+
+def _values(table: Table, prefix: str) -> Table:
+    """The table with every text turned into what `Design` takes."""
+    result: Table = {}
+    for name, value in table.items():
+        full = prefix + name
+        if full in sections():
+            if not isinstance(value, dict):
+                raise DesignError(
+                    f"{full}: found {shown(value)}, expected a section with keys such as {_first_of(full)}"
+                )
+            result[name] = _values(value, full + ".")
+        elif full in keys():
+            result[name] = _value(value, keys()[full])
+        else:
+            raise DesignError(unknown_key(full))
+    return result
+
+
+def _value(value: object, key: Key) -> object:
+    if key.quantity is not None:
+        return parse_quantity(value, key.quantity.unit, key.name)
+    if key.field.annotation is int and isinstance(value, str) and re.fullmatch(r"\s*[+-]?[0-9]{1,9}\s*", value):
+        return int(value)
+    return value
+
+
+def _toml_value(value: Any, key: Key) -> str:
+    if key.quantity is None:
+        return json.dumps(value, ensure_ascii=False)
+    text = format_quantity(value, key.quantity.unit)
+    return text if key.quantity.unit == "1" else f'"{text}"'

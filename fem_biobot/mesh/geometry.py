@@ -1,0 +1,304 @@
+"""From a design to a conforming tetrahedral mesh: the one module that speaks to Gmsh.
+
+Gmsh is imported when a mesh is asked for and not before, since its wheel needs libraries that a bare machine lacks.
+All parts are cut against each other (OpenCASCADE fragments), so muscle and gel share their vertices; landmarks and the
+muscle's mid-section are part of the geometry, so they are vertices and facets of every mesh, whatever its size.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import MeshError
+from .body import BodyMesh
+from .facets import facets
+from .layout import Box, Layout, layout
+from .naming import named_landmarks, named_surfaces, require
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+GMSH_LIBRARIES = "libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libgomp1"
+GMSH_COMMAND = f"apt-get install -y {GMSH_LIBRARIES}"
+
+# Element sizes as shares of the general size. At a size equal to the beam's thickness the thin muscle has two
+# elements across, whatever its thickness; a ring has about one and a half.
+JUNCTION_ACROSS = 2.0
+RING_ACROSS = 1.0
+CORNER_SHARE = 0.4
+# how fast elements grow with the distance from a refined part
+GROWTH = 0.45
+
+_OPTIONS = {
+    "General.Terminal": 0,
+    "General.NumThreads": 1,
+    "Mesh.MaxNumThreads1D": 1,
+    "Mesh.MaxNumThreads2D": 1,
+    "Mesh.MaxNumThreads3D": 1,
+    "Mesh.Algorithm": 6,
+    # HXT: the only one whose worst elements stayed good at every size tried; its own threads are set to one
+    "Mesh.Algorithm3D": 10,
+    "Mesh.RandomSeed": 1,
+    "Mesh.RandomFactor": 1e-9,
+    "Mesh.RandomFactor3D": 1e-12,
+    "Mesh.ElementOrder": 1,
+    "Mesh.Optimize": 1,
+    "Mesh.OptimizeNetgen": 0,
+    "Mesh.OptimizeThreshold": 0.4,
+    "Mesh.MeshSizeFromPoints": 0,
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeExtendFromBoundary": 0,
+    "Mesh.MeshSizeFactor": 1,
+    "Mesh.MeshSizeMin": 0,
+    "Mesh.MeshSizeMax": 1e22,
+    "Geometry.OCCUnionUnify": 1,
+    "Geometry.OCCParallel": 0,
+}
+# Gmsh keeps one global state
+_LOCK = threading.Lock()
+
+
+class GmshMissing(MeshError):
+    """Gmsh cannot be imported; `library` is what it lacks (the shared library, or the package itself)."""
+
+    def __init__(self, library: str) -> None:
+        self.library = library
+        super().__init__(f"Gmsh cannot start: {library} is missing; {gmsh_advice(library)}")
+
+
+def gmsh_advice(library: str) -> str:
+    """The one command that brings what Gmsh lacks."""
+    return "install it with: pip install gmsh" if library == "gmsh" else f"install it with: {GMSH_COMMAND}"
+
+
+def import_gmsh() -> Any:
+    """The gmsh module; raises `GmshMissing` where it cannot be loaded."""
+    try:
+        import gmsh
+    except ModuleNotFoundError as error:
+        raise GmshMissing(error.name or "gmsh") from error
+    except (ImportError, OSError) as error:
+        found = re.search(r"lib[\w.+-]*\.so[\w.]*", str(error))
+        raise GmshMissing(found.group(0) if found else str(error)) from error
+    return gmsh
+
+
+def build_mesh(design: Any, size: float | None = None) -> BodyMesh:
+    """Mesh of a design, conforming across muscle and gel.
+
+    Parameters
+    ----------
+    design
+        The machine, strip or cantilever.
+    size
+        General element size [mm]; that of the design if None. Junction, rings and re-entrant corners are finer in
+        proportion to it.
+
+    Returns
+    -------
+    BodyMesh
+        Checked mesh with the regions, surfaces and landmarks of the design. The same design, size and Gmsh version
+        give the same arrays.
+
+    Raises
+    ------
+    GmshMissing
+        Gmsh cannot be imported.
+    MeshError
+        The size is not positive, Gmsh fails, or the mesh does not have the design's parts and volumes.
+    """
+    h = float(design.mesh.size if size is None else size)
+    if not (np.isfinite(h) and h > 0):
+        raise MeshError(f"mesh size must be a positive length, found {h:g} mm")
+    plan = layout(design)
+    gmsh = import_gmsh()
+    with _LOCK, _session(gmsh):
+        try:
+            parts = _solids(gmsh.model.occ, plan)
+            gmsh.model.occ.synchronize()
+            _set_sizes(gmsh.model.mesh.field, plan, h)
+            gmsh.model.mesh.generate(3)
+            for method in ("Relocate3D", ""):
+                gmsh.model.mesh.optimize(method)
+            points, cells, regions = _arrays(gmsh.model.mesh, parts)
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshError(f"Gmsh could not mesh the design at size {h:g} mm: {_last_line(error)}") from error
+        version = str(gmsh.__version__)
+    names = list(regions)
+    region_of = np.empty(cells.shape[1], dtype=np.int64)
+    for number, name in enumerate(names):
+        region_of[regions[name]] = number
+    surfaces = named_surfaces(plan, points, facets(cells), region_of, names)
+    landmarks = named_landmarks(plan.landmarks, points)
+    require("surface", plan.faces, surfaces)
+    require("landmark", plan.landmarks, landmarks)
+    source = {"generator": "gmsh", "gmsh_version": version, "size_mm": h}
+    mesh = BodyMesh(points, cells, regions, surfaces, landmarks, source)
+    return mesh.checked(plan)
+
+
+def _last_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[-1]
+
+
+@contextmanager
+def _session(gmsh: Any) -> Iterator[None]:
+    """A fresh model with our options; afterwards Gmsh is as it was, started or not."""
+    mine = not gmsh.isInitialized()
+    if mine:
+        # no signal handler: we may be in a thread, and Ctrl-C belongs to the caller
+        gmsh.initialize(["fem_biobot", "-v", "0"], readConfigFiles=False, interruptible=False)
+    before = {} if mine else {name: gmsh.option.getNumber(name) for name in _OPTIONS}
+    current = "" if mine else gmsh.model.getCurrent()
+    try:
+        for name, value in _OPTIONS.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.model.add("fem_biobot")
+        yield
+    finally:
+        if mine:
+            gmsh.finalize()
+        else:
+            gmsh.model.remove()
+            for name, value in before.items():
+                gmsh.option.setNumber(name, value)
+            gmsh.model.setCurrent(current)
+
+
+def _add_box(occ: Any, box: Box) -> tuple[int, int]:
+    return 3, occ.addBox(*box.low, *(b - a for a, b in zip(box.low, box.high, strict=True)))
+
+
+def _solids(occ: Any, plan: Layout) -> dict[str, list[int]]:
+    """Volumes of each region, cut against each other and through the landmarks and sections."""
+    skeleton = [_add_box(occ, box) for box in ([plan.beam] if plan.beam else []) + list(plan.pillars)]
+    if plan.fillet_radius > 0:
+        skeleton += [_fillet(occ, plan.fillet_radius, *line) for line in plan.corner_lines]
+    if len(skeleton) > 1:
+        skeleton, _ = occ.fuse(skeleton[:1], skeleton[1:])
+    muscle = [_add_box(occ, box) for box in plan.muscle]
+    if plan.holes:
+        muscle, _ = occ.cut(muscle, [_add_box(occ, box) for box in plan.holes])
+    sections = [(2, _section(occ, plan.muscle, x)) for x in plan.cuts]
+    if plan.beam:
+        sections += [(2, _section(occ, (plan.beam,), x)) for x in plan.beam_cuts]
+    sections += [(2, _midplane(occ, box)) for box in plan.thin]
+    marks = [(0, occ.addPoint(*position)) for position in plan.landmarks.values()]
+    whole = skeleton + muscle
+    _, children = occ.fragment(whole, sections + marks)
+    parts: dict[str, list[int]] = {}
+    for name, first, last in (("skeleton", 0, len(skeleton)), ("muscle", len(skeleton), len(whole))):
+        found = {tag for child in children[first:last] for dim, tag in child if dim == 3}
+        if found:
+            parts[name] = sorted(found)
+    # what of the sections lies outside the muscle is no part of the body
+    solid = {tag for tags in parts.values() for tag in tags}
+    loose = {tag for child in children[len(whole) :] for dim, tag in child if dim == 2}
+    for tag in sorted(loose):
+        occ.remove([(2, tag)], recursive=True)
+    if not solid:
+        raise MeshError("the design has no volume")
+    return parts
+
+
+def _section(occ: Any, boxes: tuple[Box, ...], x: float) -> int:
+    """Rectangle normal to x that cuts through all of the boxes at `x`."""
+    boxes = tuple(box for box in boxes if box.low[0] < x < box.high[0])
+    y0, y1 = min(b.low[1] for b in boxes), max(b.high[1] for b in boxes)
+    z0, z1 = min(b.low[2] for b in boxes), max(b.high[2] for b in boxes)
+    return _polygon(occ, [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)])
+
+
+def _midplane(occ: Any, box: Box) -> int:
+    """Middle layer of a thin box, so that every mesh has two elements across its thickness."""
+    (x0, y0, z0), (x1, y1, z1) = box.low, box.high
+    z = (z0 + z1) / 2
+    return _polygon(occ, [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)])
+
+
+def _polygon(occ: Any, positions: list[tuple[float, float, float]]) -> int:
+    corners = [occ.addPoint(*position) for position in positions]
+    lines = [occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    return occ.addPlaneSurface([occ.addCurveLoop(lines)])
+
+
+def _fillet(occ: Any, r: float, start: tuple[float, ...], end: tuple[float, ...], sign: float) -> tuple[int, int]:
+    """Prism that rounds the corner line `start` to `end` of a pillar and the beam's lower face with radius `r`."""
+    x, y, z = start
+    corner = occ.addPoint(x, y, z)
+    under_beam = occ.addPoint(x + sign * r, y, z)
+    on_pillar = occ.addPoint(x, y, z - r)
+    centre = occ.addPoint(x + sign * r, y, z - r)
+    loop = occ.addCurveLoop(
+        [
+            occ.addLine(corner, under_beam),
+            occ.addCircleArc(under_beam, centre, on_pillar),
+            occ.addLine(on_pillar, corner),
+        ]
+    )
+    solids = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, end[1] - y, 0)
+    return next(entity for entity in solids if entity[0] == 3)
+
+
+def _set_sizes(field: Any, plan: Layout, h: float) -> None:
+    """Element size: `h` in general, finer in thin muscle, rings and re-entrant corners, growing smoothly away."""
+    zones = []
+    thickness = plan.beam.high[2] - plan.beam.low[2] if plan.beam else None
+    for box in plan.muscle:
+        if thickness is None:
+            continue
+        across = min(b - a for a, b in zip(box.low, box.high, strict=True))
+        if box in plan.thin:
+            zones.append((box, across * h / (JUNCTION_ACROSS * thickness)))
+    for hole in plan.holes:
+        owner = next(box for box in plan.muscle if box not in plan.thin and box.low[0] <= hole.low[0] < box.high[0])
+        wall = hole.low[0] - owner.low[0]
+        zones.append((owner, wall * h / (RING_ACROSS * (thickness or h))))
+    for start, end, sign in plan.corner_lines:
+        r = plan.fillet_radius
+        xs = sorted((start[0], start[0] + sign * r))
+        box = Box((xs[0], start[1], start[2] - r), (xs[1], end[1], end[2]))
+        zones.append((box, min(CORNER_SHARE * h, r / 2) if r else CORNER_SHARE * h))
+    tags = []
+    for box, inside in zones:
+        if inside >= h:
+            continue
+        tag = field.add("Box")
+        for key, value in zip(("XMin", "YMin", "ZMin"), box.low, strict=True):
+            field.setNumber(tag, key, value)
+        for key, value in zip(("XMax", "YMax", "ZMax"), box.high, strict=True):
+            field.setNumber(tag, key, value)
+        field.setNumber(tag, "VIn", inside)
+        field.setNumber(tag, "VOut", h)
+        field.setNumber(tag, "Thickness", (h - inside) / GROWTH)
+        tags.append(tag)
+    everywhere = field.add("MathEval")
+    field.setString(everywhere, "F", repr(h))
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", [*tags, everywhere])
+    field.setAsBackgroundMesh(smallest)
+
+
+def _arrays(mesh: Any, parts: dict[str, list[int]]) -> tuple[Array, Ints, dict[str, Ints]]:
+    """Vertices, cells and regions, numbered without gaps in the order of Gmsh's own numbers."""
+    tags, coordinates, _ = mesh.getNodes()
+    blocks, regions, count = [], {}, 0
+    for name, volumes in parts.items():
+        tets = [np.asarray(mesh.getElementsByType(4, volume)[1]).reshape(-1, 4) for volume in volumes]
+        block = np.concatenate(tets).astype(np.int64)
+        regions[name] = np.arange(count, count + len(block))
+        count += len(block)
+        blocks.append(block)
+    cells = np.concatenate(blocks).T
+    used = np.unique(cells)
+    place = np.full(int(max(tags)) + 1, -1, dtype=np.int64)
+    place[np.asarray(tags, dtype=np.int64)] = np.arange(len(tags))
+    points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)[place[used]].T
+    return np.ascontiguousarray(points), np.searchsorted(used, cells), regions

@@ -1,0 +1,264 @@
+"""Where the parts of a design are: boxes, landmarks, planes and closed-form volumes, as plain numbers.
+
+Answers, without a mesh and without Gmsh, what the body of a design looks like; the generator builds it, the checks
+compare a mesh with it and the naming finds its surfaces. x runs from the short to the long pillar with zero at
+mid-span, z is up with zero at the sole of the longest pillar.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import MeshError
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Box:
+    """Axis-parallel box from corner `low` to corner `high`, (3,) each [mm]."""
+
+    low: Point
+    high: Point
+
+    @property
+    def volume(self) -> float:
+        """Volume [mm^3]."""
+        return math.prod(b - a for a, b in zip(self.low, self.high, strict=True))
+
+
+@dataclass(frozen=True)
+class Face:
+    """Flat rectangle normal to `axis` at `at`, bounded by `low` and `high` (the entry of `axis` is not used) [mm].
+
+    `region` is the region whose boundary it lies on, or None for an interior section of the muscle.
+    """
+
+    axis: int
+    at: float
+    low: Point
+    high: Point
+    region: str | None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Everything the shape of a design says, in mm.
+
+    Attributes
+    ----------
+    beam
+        Beam box, or None.
+    pillars
+        Pillar boxes from short to long; each ends at the beam's lower face.
+    muscle
+        Solid boxes of the muscle: rings (their pillar is cut out later), loop, junctions or strip.
+    holes
+        Boxes cut out of the muscle boxes.
+    thin
+        Boxes of the thin muscle (junctions, strip), to be meshed finest.
+    fillet_radius
+        Radius of the re-entrant corners; zero for sharp ones.
+    corner_lines
+        Ends of the re-entrant lines between beam and pillars, with the sign of x away from the pillar.
+    landmarks
+        Name to position.
+    faces
+        Name of a surface to its flat rectangle.
+    volumes
+        Region to closed-form volume [mm^3].
+    volume_slack
+        Region to the largest excess that straight facets on curved fillets can cause [mm^3]; zero if all is flat.
+    cuts
+        x of the sections that the mesh must contain as facets of the muscle.
+    beam_cuts
+        The same for the beam, so that landmarks inside it lie on facets.
+    """
+
+    beam: Box | None
+    pillars: tuple[Box, ...]
+    muscle: tuple[Box, ...]
+    holes: tuple[Box, ...]
+    thin: tuple[Box, ...]
+    fillet_radius: float
+    corner_lines: tuple[tuple[Point, Point, float], ...]
+    landmarks: Mapping[str, Point]
+    faces: Mapping[str, Face]
+    volumes: Mapping[str, float]
+    volume_slack: Mapping[str, float] = field(default_factory=dict)
+    cuts: tuple[float, ...] = ()
+    beam_cuts: tuple[float, ...] = ()
+
+
+def layout(design: Any) -> Layout:
+    """Layout of a design of any kind (bot, strip or cantilever)."""
+    if design.kind == "bot":
+        return _bot(design)
+    if design.kind == "strip":
+        return _strip(design)
+    if design.kind == "cantilever":
+        return _cantilever(design)
+    raise MeshError(f"design kind {design.kind!r} has no geometry; expected bot, strip or cantilever")
+
+
+def _strip(design: Any) -> Layout:
+    m = design.muscle
+    a, b, c, z = m.junction_length / 2, m.junction_width / 2, m.junction_thickness / 2, m.junction_height
+    box = Box((-a, -b, z - c), (a, b, z + c))
+    faces = {
+        "end_minus": Face(0, -a, box.low, box.high, "muscle"),
+        "end_plus": Face(0, a, box.low, box.high, "muscle"),
+        "junction_mid": Face(0, 0.0, box.low, box.high, None),
+    }
+    marks = {"end_minus_centre": (-a, 0.0, z), "end_plus_centre": (a, 0.0, z), "mid": (0.0, 0.0, z)}
+    return Layout(None, (), (box,), (), (box,), 0.0, (), marks, faces, {"muscle": box.volume}, cuts=(0.0,))
+
+
+def _cantilever(design: Any) -> Layout:
+    s = design.skeleton
+    z, b, t = design.beam_axis_height, s.beam_width / 2, s.beam_thickness / 2
+    box = Box((0.0, -b, z - t), (s.beam_length, b, z + t))
+    faces = {
+        "clamp": Face(0, 0.0, box.low, box.high, "skeleton"),
+        "tip": Face(0, s.beam_length, box.low, box.high, "skeleton"),
+        "beam_top": Face(2, z + t, box.low, box.high, "skeleton"),
+    }
+    marks = {"clamp_centre": (0.0, 0.0, z), "tip_centre": (s.beam_length, 0.0, z)}
+    return Layout(box, (), (), (), (), 0.0, (), marks, faces, {"skeleton": box.volume})
+
+
+def pillar_names(count: int) -> list[str]:
+    """Names of the pillars from short to long: short, middle_1, ..., long."""
+    return ["short", *(f"middle_{k}" for k in range(1, count - 1)), "long"]
+
+
+def _bot(design: Any) -> Layout:
+    s, m = design.skeleton, design.muscle
+    half_length, half_width, half_thickness = s.beam_length / 2, s.beam_width / 2, s.beam_thickness / 2
+    z_beam = design.beam_axis_height
+    z_low = z_beam - half_thickness
+    beam = Box((-half_length, -half_width, z_low), (half_length, half_width, z_beam + half_thickness))
+    count = s.pillar_count
+    centres = np.linspace(-half_length + s.pillar_length / 2, half_length - s.pillar_length / 2, count)
+    heights = np.linspace(s.short_pillar_height, s.long_pillar_height, count)
+    half_pillar = s.pillar_width / 2
+    # the two outermost faces come from the beam's ends, so that they coincide with them to the last bit
+    lows = [-half_length, *(float(c) - s.pillar_length / 2 for c in centres[1:])]
+    highs = [*(float(c) + s.pillar_length / 2 for c in centres[:-1]), half_length]
+    pillars = tuple(
+        Box((x0, -half_pillar, z_beam - float(h)), (x1, half_pillar, z_low))
+        for x0, x1, h in zip(lows, highs, heights, strict=True)
+    )
+    bays = [(p.high[0], q.low[0]) for p, q in zip(pillars[:-1], pillars[1:], strict=True)]
+    if m.layout == "ring":
+        muscle, holes, thin, cuts, muscle_volume = _loop(design, pillars)
+    else:
+        muscle, holes, thin, cuts, muscle_volume = _rings_and_junctions(design, pillars, bays)
+    r = s.fillet_radius
+    lines = []
+    for x0, x1 in bays:
+        lines += [
+            ((x0, -half_pillar, z_low), (x0, half_pillar, z_low), 1.0),
+            ((x1, -half_pillar, z_low), (x1, half_pillar, z_low), -1.0),
+        ]
+    skeleton_volume = beam.volume + sum(p.volume for p in pillars)
+    skeleton_volume += len(lines) * (1 - math.pi / 4) * r**2 * s.pillar_width
+    # the coarsest mesh replaces the quarter circle by one chord, which adds pi/4 - 1/2 of r^2
+    slack = len(lines) * (math.pi / 4 - 0.5) * r**2 * s.pillar_width
+    return Layout(
+        beam,
+        pillars,
+        muscle,
+        holes,
+        thin,
+        r,
+        tuple(lines),
+        _bot_landmarks(design, pillars, beam),
+        _bot_faces(beam, pillars, muscle, cuts),
+        {"skeleton": skeleton_volume, "muscle": muscle_volume},
+        {"skeleton": slack},
+        cuts,
+        (pillars[0].high[0], 0.0, pillars[-1].low[0]),
+    )
+
+
+def _ring_levels(m: Any) -> tuple[float, float]:
+    z = m.junction_height + m.ring_offset
+    return z - m.ring_height / 2, z + m.ring_height / 2
+
+
+def _loop(design: Any, pillars: tuple[Box, ...]) -> tuple[Any, Any, Any, tuple[float, ...], float]:
+    m, half_pillar = design.muscle, design.skeleton.pillar_width / 2
+    z0, z1 = _ring_levels(m)
+    x0, x1, w = pillars[0].low[0], pillars[-1].high[0], m.ring_thickness
+    outer = Box((x0 - w, -half_pillar - w, z0), (x1 + w, half_pillar + w, z1))
+    inner = Box((x0, -half_pillar, z0), (x1, half_pillar, z1))
+    return (outer,), (inner,), (), (0.0,), outer.volume - inner.volume
+
+
+def _rings_and_junctions(
+    design: Any, pillars: tuple[Box, ...], bays: list[tuple[float, float]]
+) -> tuple[Any, Any, Any, tuple[float, ...], float]:
+    m = design.muscle
+    z0, z1 = _ring_levels(m)
+    w = m.ring_thickness
+    rings = [Box((p.low[0] - w, p.low[1] - w, z0), (p.high[0] + w, p.high[1] + w, z1)) for p in pillars]
+    holes = [Box((p.low[0], p.low[1], z0), (p.high[0], p.high[1], z1)) for p in pillars]
+    j0, j1 = m.junction_height - m.junction_thickness / 2, m.junction_height + m.junction_thickness / 2
+    y = m.junction_width / 2
+    junctions = tuple(Box((a, -y, j0), (b, y, j1)) for a, b in bays)
+    volume = sum(r.volume - h.volume for r, h in zip(rings, holes, strict=True)) + sum(j.volume for j in junctions)
+    # a junction runs through the inner sides of two rings; that part was counted twice
+    volume -= len(junctions) * 2 * w * m.junction_width * max(0.0, min(j1, z1) - max(j0, z0))
+    # x = 0 itself, not a sum of halves, where the middle bay is centred there
+    cuts = tuple(0.0 if abs(a + b) < 1e-9 * (b - a) else (a + b) / 2 for a, b in bays)
+    return (*rings, *junctions), tuple(holes), junctions, cuts, volume
+
+
+def _bot_landmarks(design: Any, pillars: tuple[Box, ...], beam: Box) -> dict[str, Point]:
+    s = design.skeleton
+    x_short, x_long, z_low, z_beam = pillars[0].high[0], pillars[-1].low[0], beam.low[2], design.beam_axis_height
+    # with a fillet the corner is the middle of its arc
+    inset = s.fillet_radius * (1 - math.sqrt(0.5))
+    marks: dict[str, Point] = {
+        "span_short": (x_short, 0.0, z_beam),
+        "span_long": (x_long, 0.0, z_beam),
+        "span_mid": (0.0, 0.0, z_beam),
+        "corner_short": (x_short + inset, 0.0, z_low - inset),
+        "corner_long": (x_long - inset, 0.0, z_low - inset),
+        "edge_short": (x_short, beam.high[1], z_low),
+        "edge_long": (x_long, beam.high[1], z_low),
+    }
+    for name, p in zip(pillar_names(len(pillars)), pillars, strict=True):
+        marks[f"foot_{name}_centre"] = ((p.low[0] + p.high[0]) / 2, 0.0, p.low[2])
+    return marks
+
+
+def _bot_faces(
+    beam: Box, pillars: tuple[Box, ...], muscle: tuple[Box, ...], cuts: tuple[float, ...]
+) -> dict[str, Face]:
+    faces = {"beam_top": Face(2, beam.high[2], beam.low, beam.high, "skeleton")}
+    names = pillar_names(len(pillars))
+    for name, p in zip(names, pillars, strict=True):
+        faces[f"foot_{name}"] = Face(2, p.low[2], p.low, p.high, "skeleton")
+        ends = {"minus": p.low[0], "plus": p.high[0]}
+        if name == "short":
+            ends = {"outer": p.low[0], "inner": p.high[0]}
+        elif name == "long":
+            ends = {"inner": p.low[0], "outer": p.high[0]}
+        for end, x in ends.items():
+            faces[f"pillar_{name}_{end}"] = Face(0, x, p.low, p.high, "skeleton")
+    low = tuple(min(b.low[k] for b in muscle) for k in range(3))
+    high = tuple(max(b.high[k] for b in muscle) for k in range(3))
+    # an odd number of pillars has one at x = 0: its next bay toward the long pillar stands for the middle
+    middle = len(cuts) // 2
+    faces["junction_mid"] = Face(0, cuts[middle], low, high, None)  # type: ignore[arg-type]
+    if len(cuts) > 1:
+        for k, x in enumerate(cuts, start=1):
+            faces[f"junction_mid_{k}"] = Face(0, x, low, high, None)  # type: ignore[arg-type]
+    return faces

@@ -1,1 +1,1 @@
-
+"""Meshes: from a design (geometry), from a file (files), as checked data (body)."""

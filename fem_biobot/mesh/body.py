@@ -13,9 +13,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checks, facets
-from .layout import Layout
-from .quality import MeshQuality, quality
+from fem_biobot.mesh import checks, facets
+from fem_biobot.mesh.layout import Layout
+from fem_biobot.mesh.quality import MeshQuality, quality
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
-from ..errors import MeshError
-from .facets import Facets, facets, row_keys, signed_volumes
+from fem_biobot.errors import MeshError
+from fem_biobot.mesh.facets import Facets, facets, row_keys, signed_volumes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -64,7 +64,8 @@ def check_volumes(found: Mapping[str, float], expected: Mapping[str, float], sla
     for name, volume in expected.items():
         if abs(found[name] - volume) > VOLUME * volume + slack.get(name, 0.0):
             raise MeshError(
-                f"region {name} of the mesh has a volume of {found[name]:.6g} mm^3, but the design has {volume:.6g} mm^3"
+                f"region {name} of the mesh has a volume of {found[name]:.6g} mm^3, but that of the design has "
+                f"{volume:.6g} mm^3"
             )
 
 
@@ -150,7 +151,7 @@ def _coincident(points: Array, cells: Ints, region_of: Ints, names: list[str]) -
     """Two vertices in one place: parts that touch but are not joined."""
     a, b = points[:, cells[0]], points[:, cells[1]]
     shortest = float(np.linalg.norm(b - a, axis=0).min())
-    distance, partner = cKDTree(points.T).query(points.T, k=2)
+    distance, partner = (np.asarray(found) for found in KDTree(points.T).query(points.T, k=2))
     twins = np.flatnonzero(distance[:, 1] < TOGETHER * shortest)
     if twins.size:
         v = int(twins[0])
@@ -171,7 +172,7 @@ def _seams(points: Array, table: Facets, region_of: Ints, names: list[str]) -> N
     double_area = np.linalg.norm(normal, axis=0)
     normal = normal / double_area
     reach = np.linalg.norm(corners - centre[:, None], axis=0).max(axis=0)
-    tree = cKDTree(centre.T)
+    tree = KDTree(centre.T)
     near = tree.query_ball_point(centre.T, reach)
     count = np.array([len(k) for k in near])
     big = np.repeat(np.arange(outer.size), count)

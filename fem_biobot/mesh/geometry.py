@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MeshError
-from .body import BodyMesh
-from .facets import facets
-from .layout import Box, Layout, layout
-from .naming import named_landmarks, named_surfaces, require
+from fem_biobot.design import Design
+from fem_biobot.errors import MeshError
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.facets import facets
+from fem_biobot.mesh.layout import Box, Layout, layout
+from fem_biobot.mesh.naming import named_landmarks, named_surfaces, require
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,6 +34,9 @@ GMSH_COMMAND = f"apt-get install -y {GMSH_LIBRARIES}"
 JUNCTION_ACROSS = 2.0
 RING_ACROSS = 1.0
 CORNER_SHARE = 0.4
+# the middle of a corner line, where the stress is averaged in a ball, within this share of the beam's thickness
+CORNER_MIDDLE_SHARE = 0.2
+CORNER_MIDDLE_REACH = 0.4
 # how fast elements grow with the distance from a refined part
 GROWTH = 0.45
 
@@ -65,7 +69,7 @@ _OPTIONS = {
 _LOCK = threading.Lock()
 
 
-class GmshMissing(MeshError):
+class GmshMissing(MeshError):  # noqa: N818
     """Gmsh cannot be imported; `library` is what it lacks (the shared library, or the package itself)."""
 
     def __init__(self, library: str) -> None:
@@ -90,7 +94,7 @@ def import_gmsh() -> Any:
     return gmsh
 
 
-def build_mesh(design: Any, size: float | None = None) -> BodyMesh:
+def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
     """Mesh of a design, conforming across muscle and gel.
 
     Parameters
@@ -249,23 +253,7 @@ def _fillet(occ: Any, r: float, start: tuple[float, ...], end: tuple[float, ...]
 
 def _set_sizes(field: Any, plan: Layout, h: float) -> None:
     """Element size: `h` in general, finer in thin muscle, rings and re-entrant corners, growing smoothly away."""
-    zones = []
-    thickness = plan.beam.high[2] - plan.beam.low[2] if plan.beam else None
-    for box in plan.muscle:
-        if thickness is None:
-            continue
-        across = min(b - a for a, b in zip(box.low, box.high, strict=True))
-        if box in plan.thin:
-            zones.append((box, across * h / (JUNCTION_ACROSS * thickness)))
-    for hole in plan.holes:
-        owner = next(box for box in plan.muscle if box not in plan.thin and box.low[0] <= hole.low[0] < box.high[0])
-        wall = hole.low[0] - owner.low[0]
-        zones.append((owner, wall * h / (RING_ACROSS * (thickness or h))))
-    for start, end, sign in plan.corner_lines:
-        r = plan.fillet_radius
-        xs = sorted((start[0], start[0] + sign * r))
-        box = Box((xs[0], start[1], start[2] - r), (xs[1], end[1], end[2]))
-        zones.append((box, min(CORNER_SHARE * h, r / 2) if r else CORNER_SHARE * h))
+    zones = list(_zones(plan, h))
     tags = []
     for box, inside in zones:
         if inside >= h:
@@ -284,6 +272,28 @@ def _set_sizes(field: Any, plan: Layout, h: float) -> None:
     smallest = field.add("Min")
     field.setNumbers(smallest, "FieldsList", [*tags, everywhere])
     field.setAsBackgroundMesh(smallest)
+
+
+def _zones(plan: Layout, h: float) -> Iterator[tuple[Box, float]]:
+    """Refined parts of a bot and their element sizes; a strip or a cantilever is meshed evenly."""
+    if not plan.pillars or plan.beam is None:
+        return
+    thickness = plan.beam.high[2] - plan.beam.low[2]
+    for box in plan.thin:
+        yield box, (box.high[2] - box.low[2]) * h / (JUNCTION_ACROSS * thickness)
+    for hole in plan.holes:
+        ring = next(box for box in plan.muscle if box not in plan.thin and box.low[0] < hole.low[0] < box.high[0])
+        yield ring, (hole.low[0] - ring.low[0]) * h / (RING_ACROSS * thickness)
+    r = plan.fillet_radius
+    for start, end, sign in plan.corner_lines:
+        x0, x1 = sorted((start[0], start[0] + sign * r))
+        box = Box((x0, start[1], start[2] - r), (x1, end[1], end[2]))
+        # two elements along a fillet's arc
+        yield box, min(CORNER_SHARE * h, r * np.pi / 4) if r else CORNER_SHARE * h
+    for name in ("corner_short", "corner_long"):
+        x, y, z = plan.landmarks[name]
+        d = CORNER_MIDDLE_REACH * thickness
+        yield Box((x - d, y - d, z - d), (x + d, y + d, z + d)), CORNER_MIDDLE_SHARE * h
 
 
 def _arrays(mesh: Any, parts: dict[str, list[int]]) -> tuple[Array, Ints, dict[str, Ints]]:

@@ -8,13 +8,12 @@ mid-span, z is up with zero at the sole of the longest pillar.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
-from ..errors import MeshError
+from fem_biobot.design import Design
 
 Point = tuple[float, float, float]
 
@@ -95,19 +94,17 @@ class Layout:
     beam_cuts: tuple[float, ...] = ()
 
 
-def layout(design: Any) -> Layout:
+def layout(design: Design) -> Layout:
     """Layout of a design of any kind (bot, strip or cantilever)."""
     if design.kind == "bot":
         return _bot(design)
     if design.kind == "strip":
         return _strip(design)
-    if design.kind == "cantilever":
-        return _cantilever(design)
-    raise MeshError(f"design kind {design.kind!r} has no geometry; expected bot, strip or cantilever")
+    return _cantilever(design)
 
 
-def _strip(design: Any) -> Layout:
-    m = design.muscle
+def _strip(design: Design) -> Layout:
+    m: Any = design.muscle
     a, b, c, z = m.junction_length / 2, m.junction_width / 2, m.junction_thickness / 2, m.junction_height
     box = Box((-a, -b, z - c), (a, b, z + c))
     faces = {
@@ -115,12 +112,11 @@ def _strip(design: Any) -> Layout:
         "end_plus": Face(0, a, box.low, box.high, "muscle"),
         "junction_mid": Face(0, 0.0, box.low, box.high, None),
     }
-    marks = {"end_minus_centre": (-a, 0.0, z), "end_plus_centre": (a, 0.0, z), "mid": (0.0, 0.0, z)}
-    return Layout(None, (), (box,), (), (box,), 0.0, (), marks, faces, {"muscle": box.volume}, cuts=(0.0,))
+    return Layout(None, (), (box,), (), (box,), 0.0, (), design.landmarks(), faces, {"muscle": box.volume}, cuts=(0.0,))
 
 
-def _cantilever(design: Any) -> Layout:
-    s = design.skeleton
+def _cantilever(design: Design) -> Layout:
+    s: Any = design.skeleton
     z, b, t = design.beam_axis_height, s.beam_width / 2, s.beam_thickness / 2
     box = Box((0.0, -b, z - t), (s.beam_length, b, z + t))
     faces = {
@@ -128,8 +124,7 @@ def _cantilever(design: Any) -> Layout:
         "tip": Face(0, s.beam_length, box.low, box.high, "skeleton"),
         "beam_top": Face(2, z + t, box.low, box.high, "skeleton"),
     }
-    marks = {"clamp_centre": (0.0, 0.0, z), "tip_centre": (s.beam_length, 0.0, z)}
-    return Layout(box, (), (), (), (), 0.0, (), marks, faces, {"skeleton": box.volume})
+    return Layout(box, (), (), (), (), 0.0, (), design.landmarks(), faces, {"skeleton": box.volume})
 
 
 def pillar_names(count: int) -> list[str]:
@@ -137,34 +132,26 @@ def pillar_names(count: int) -> list[str]:
     return ["short", *(f"middle_{k}" for k in range(1, count - 1)), "long"]
 
 
-def _bot(design: Any) -> Layout:
-    s, m = design.skeleton, design.muscle
+def _bot(design: Design) -> Layout:
+    s: Any = design.skeleton
+    m: Any = design.muscle
     half_length, half_width, half_thickness = s.beam_length / 2, s.beam_width / 2, s.beam_thickness / 2
     z_beam = design.beam_axis_height
     z_low = z_beam - half_thickness
     beam = Box((-half_length, -half_width, z_low), (half_length, half_width, z_beam + half_thickness))
-    count = s.pillar_count
-    centres = np.linspace(-half_length + s.pillar_length / 2, half_length - s.pillar_length / 2, count)
-    heights = np.linspace(s.short_pillar_height, s.long_pillar_height, count)
-    half_pillar = s.pillar_width / 2
-    # the two outermost faces come from the beam's ends, so that they coincide with them to the last bit
-    lows = [-half_length, *(float(c) - s.pillar_length / 2 for c in centres[1:])]
-    highs = [*(float(c) + s.pillar_length / 2 for c in centres[:-1]), half_length]
-    pillars = tuple(
-        Box((x0, -half_pillar, z_beam - float(h)), (x1, half_pillar, z_low))
-        for x0, x1, h in zip(lows, highs, heights, strict=True)
-    )
-    bays = [(p.high[0], q.low[0]) for p, q in zip(pillars[:-1], pillars[1:], strict=True)]
+    a, b = s.pillar_length / 2, s.pillar_width / 2
+    pillars = [Box((x - a, -b, z_beam - height), (x + a, b, z_low)) for x, height in design.pillars]
+    bays = [(p.high[0], q.low[0]) for p, q in pairwise(pillars)]
     if m.layout == "ring":
-        muscle, holes, thin, cuts, muscle_volume = _loop(design, pillars)
+        muscle, holes, thin, cuts, muscle_volume = _loop(m, pillars)
     else:
-        muscle, holes, thin, cuts, muscle_volume = _rings_and_junctions(design, pillars, bays)
+        muscle, holes, thin, cuts, muscle_volume = _rings_and_junctions(m, pillars, bays)
     r = s.fillet_radius
     lines = []
     for x0, x1 in bays:
         lines += [
-            ((x0, -half_pillar, z_low), (x0, half_pillar, z_low), 1.0),
-            ((x1, -half_pillar, z_low), (x1, half_pillar, z_low), -1.0),
+            ((x0, -b, z_low), (x0, b, z_low), 1.0),
+            ((x1, -b, z_low), (x1, b, z_low), -1.0),
         ]
     skeleton_volume = beam.volume + sum(p.volume for p in pillars)
     skeleton_volume += len(lines) * (1 - math.pi / 4) * r**2 * s.pillar_width
@@ -172,13 +159,13 @@ def _bot(design: Any) -> Layout:
     slack = len(lines) * (math.pi / 4 - 0.5) * r**2 * s.pillar_width
     return Layout(
         beam,
-        pillars,
+        tuple(pillars),
         muscle,
         holes,
         thin,
         r,
         tuple(lines),
-        _bot_landmarks(design, pillars, beam),
+        _bot_landmarks(design, pillars),
         _bot_faces(beam, pillars, muscle, cuts),
         {"skeleton": skeleton_volume, "muscle": muscle_volume},
         {"skeleton": slack},
@@ -192,8 +179,8 @@ def _ring_levels(m: Any) -> tuple[float, float]:
     return z - m.ring_height / 2, z + m.ring_height / 2
 
 
-def _loop(design: Any, pillars: tuple[Box, ...]) -> tuple[Any, Any, Any, tuple[float, ...], float]:
-    m, half_pillar = design.muscle, design.skeleton.pillar_width / 2
+def _loop(m: Any, pillars: Sequence[Box]) -> tuple[Any, Any, Any, tuple[float, ...], float]:
+    half_pillar = pillars[0].high[1]
     z0, z1 = _ring_levels(m)
     x0, x1, w = pillars[0].low[0], pillars[-1].high[0], m.ring_thickness
     outer = Box((x0 - w, -half_pillar - w, z0), (x1 + w, half_pillar + w, z1))
@@ -202,9 +189,8 @@ def _loop(design: Any, pillars: tuple[Box, ...]) -> tuple[Any, Any, Any, tuple[f
 
 
 def _rings_and_junctions(
-    design: Any, pillars: tuple[Box, ...], bays: list[tuple[float, float]]
+    m: Any, pillars: Sequence[Box], bays: list[tuple[float, float]]
 ) -> tuple[Any, Any, Any, tuple[float, ...], float]:
-    m = design.muscle
     z0, z1 = _ring_levels(m)
     w = m.ring_thickness
     rings = [Box((p.low[0] - w, p.low[1] - w, z0), (p.high[0] + w, p.high[1] + w, z1)) for p in pillars]
@@ -220,28 +206,14 @@ def _rings_and_junctions(
     return (*rings, *junctions), tuple(holes), junctions, cuts, volume
 
 
-def _bot_landmarks(design: Any, pillars: tuple[Box, ...], beam: Box) -> dict[str, Point]:
-    s = design.skeleton
-    x_short, x_long, z_low, z_beam = pillars[0].high[0], pillars[-1].low[0], beam.low[2], design.beam_axis_height
-    # with a fillet the corner is the middle of its arc
-    inset = s.fillet_radius * (1 - math.sqrt(0.5))
-    marks: dict[str, Point] = {
-        "span_short": (x_short, 0.0, z_beam),
-        "span_long": (x_long, 0.0, z_beam),
-        "span_mid": (0.0, 0.0, z_beam),
-        "corner_short": (x_short + inset, 0.0, z_low - inset),
-        "corner_long": (x_long - inset, 0.0, z_low - inset),
-        "edge_short": (x_short, beam.high[1], z_low),
-        "edge_long": (x_long, beam.high[1], z_low),
-    }
-    for name, p in zip(pillar_names(len(pillars)), pillars, strict=True):
+def _bot_landmarks(design: Design, pillars: Sequence[Box]) -> dict[str, Point]:
+    marks = design.landmarks()
+    for name, p in list(zip(pillar_names(len(pillars)), pillars, strict=True))[1:-1]:
         marks[f"foot_{name}_centre"] = ((p.low[0] + p.high[0]) / 2, 0.0, p.low[2])
     return marks
 
 
-def _bot_faces(
-    beam: Box, pillars: tuple[Box, ...], muscle: tuple[Box, ...], cuts: tuple[float, ...]
-) -> dict[str, Face]:
+def _bot_faces(beam: Box, pillars: Sequence[Box], muscle: Sequence[Box], cuts: tuple[float, ...]) -> dict[str, Face]:
     faces = {"beam_top": Face(2, beam.high[2], beam.low, beam.high, "skeleton")}
     names = pillar_names(len(pillars))
     for name, p in zip(names, pillars, strict=True):
@@ -253,12 +225,12 @@ def _bot_faces(
             ends = {"inner": p.low[0], "outer": p.high[0]}
         for end, x in ends.items():
             faces[f"pillar_{name}_{end}"] = Face(0, x, p.low, p.high, "skeleton")
-    low = tuple(min(b.low[k] for b in muscle) for k in range(3))
-    high = tuple(max(b.high[k] for b in muscle) for k in range(3))
+    low: Any = tuple(min(b.low[k] for b in muscle) for k in range(3))
+    high: Any = tuple(max(b.high[k] for b in muscle) for k in range(3))
     # an odd number of pillars has one at x = 0: its next bay toward the long pillar stands for the middle
     middle = len(cuts) // 2
-    faces["junction_mid"] = Face(0, cuts[middle], low, high, None)  # type: ignore[arg-type]
+    faces["junction_mid"] = Face(0, cuts[middle], low, high, None)
     if len(cuts) > 1:
         for k, x in enumerate(cuts, start=1):
-            faces[f"junction_mid_{k}"] = Face(0, x, low, high, None)  # type: ignore[arg-type]
+            faces[f"junction_mid_{k}"] = Face(0, x, low, high, None)
     return faces

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MeshError
-from .facets import Facets
-from .layout import Face, Layout
+from fem_biobot.errors import MeshError
+from fem_biobot.mesh.facets import Facets
+from fem_biobot.mesh.layout import Face, Layout
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

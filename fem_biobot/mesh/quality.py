@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .facets import EDGES, FACES, signed_volumes
+from fem_biobot.mesh.facets import EDGES, FACES, signed_volumes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,1 +1,1 @@
-
+"""Muscle as tissue: fibres."""

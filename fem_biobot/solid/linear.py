@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import sys
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -107,7 +108,8 @@ class Pardiso:
         return x
 
     def __del__(self) -> None:
-        if getattr(self, "_analysed", False):
+        # at the interpreter's end the memory goes with the process, and modules may be gone
+        if getattr(self, "_analysed", False) and not sys.is_finalizing():
             self._run(-1, None)
 
 

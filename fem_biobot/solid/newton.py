@@ -31,15 +31,13 @@ class NewtonSettings:
     max_iterations
         Newton iterations in a step before it is given up (and halved).
     max_cg
-        Conjugate-gradient iterations with an older factor before the tangent is factored anew.
-    refactor_above
-        Conjugate-gradient iterations above which the next step begins with a new factor.
+        Conjugate-gradient iterations with an older factor before the tangent is factored anew; a factorisation costs
+        about twenty of them.
     """
 
     tolerance: float = 1e-9
     max_iterations: int = 12
-    max_cg: int = 24
-    refactor_above: int = 8
+    max_cg: int = 12
 
 
 class StepFailedError(Exception):
@@ -57,7 +55,11 @@ class Counts:
 
 @dataclass
 class LinearSolver:
-    """Solves successive tangents with as few factorisations as pay: the latest factor preconditions the next systems."""
+    """Solves successive tangents with as few factorisations as pay.
+
+    The first tangent of a step, at the predictor, is factored; its factor preconditions conjugate gradients on the
+    later tangents of the step, which differ little from it.
+    """
 
     system: System
     settings: NewtonSettings
@@ -75,6 +77,10 @@ class LinearSolver:
             self._factor = factorisation(self.system.pattern)
         return self._factor
 
+    def renew(self) -> None:
+        """Have the next tangent factored."""
+        self._usable = False
+
     def solve(self, data: Array, b: Array, tolerance: float) -> Array:
         """Solve with the tangent's upper triangle; raises `NotPositiveDefiniteError`."""
         factor = self._renewable()
@@ -87,7 +93,6 @@ class LinearSolver:
                 # the old factor may mislead: let the new one decide
                 reached, used, x = False, 0, b
             self.counts.cg += used
-            self._usable = reached and used <= self.settings.refactor_above
             if reached:
                 return x
         self._usable = False
@@ -145,6 +150,7 @@ def newton(
     lifting = bool(np.any(np.abs(lift) > 0.0))
     last = np.inf
     first = None
+    solver.renew()
     for iteration in range(settings.max_iterations + 1):
         force, magnitude = system.internal_force(points)
         r = system.to_local(force - f_ext).ravel()

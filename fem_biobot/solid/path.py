@@ -1,4 +1,4 @@
-"""A path of load steps: predictor, halving of steps that fail, and the outcome.
+"""A path of load steps: predictor, subdivision of long steps, halving of steps that fail, and the outcome.
 
 The predictor extrapolates the last states quadratically in the path's parameter, the displacement AND the point
 stresses: extrapolating the displacement alone leaves a strip full of spurious membrane stress and is worse than none.
@@ -7,6 +7,7 @@ stresses: extrapolating the displacement alone leaves a strip full of spurious m
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,11 @@ from fem_biobot.solid.records import Step
 from fem_biobot.solid.system import InvertedError, System
 
 _HALVINGS = 8
+# longest rise of the active tension in one step, as a share of three times the tissue's shear modulus: about the
+# contraction that a linear step still brings near enough, whatever the mesh
+_LONGEST_RISE = 0.36
+# states met only on the way need not be exact
+_ON_THE_WAY = 1e-5
 # a predictor may reach this many times the last interval before it loses an order
 _REACH = 2.0
 
@@ -45,15 +51,17 @@ def equilibria(
     """
     history = list(start) if start else [_rest(system)]
     scale = 0.0
+    rough = replace(settings, tolerance=max(settings.tolerance, _ON_THE_WAY))
     for target in steps:
         before = Counts(solver.counts.newton, solver.counts.factorisations, solver.counts.cg)
-        goals = [target]
+        goals = _subdivided(system, history[-1].step, target)
         halvings = 0
         while goals:
             goal = goals[-1]
             try:
                 u, S = _predict(system, history, goal)
-                state, scale = newton(system, solver, goal, u, S, scale, settings, observe)
+                exact = settings if len(goals) == 1 else rough
+                state, scale = newton(system, solver, goal, u, S, scale, exact, observe)
             except StepFailedError as failure:
                 halvings += 1
                 reached = history[-1].step
@@ -68,6 +76,17 @@ def equilibria(
         yield history[-1], Counts(
             now.newton - before.newton, now.factorisations - before.factorisations, now.cg - before.cg
         )
+
+
+def _subdivided(system: System, here: Step, target: Step) -> list[Step]:
+    """The target preceded by as many equal steps (latest first) as the rise of the active tension asks for."""
+    rise = abs(target.tension - here.tension) * max((c.rise for c in system.contractions), default=0.0)
+    n = max(1, int(np.ceil(rise / _LONGEST_RISE - 1e-9)))
+    ways = [k / n for k in range(n, 0, -1)]
+    return [
+        target if s == 1.0 else Step(here.load + s * (target.load - here.load), here.tension + s * (target.tension - here.tension))
+        for s in ways
+    ]
 
 
 def _rest(system: System) -> Equilibrium:

@@ -26,6 +26,10 @@ from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
 from fem_biobot.solid.space import Element, Ints, Space, space
 
 
+# place of component (a, b), a <= b, in the packed upper triangle of a 6 by 6 matrix
+PACKED_PLACE = {(a, b): 6 * a - a * (a - 1) // 2 + b - a for a in range(6) for b in range(a, 6)}
+
+
 class Points(NamedTuple):
     """What the laws say at every quadrature point: ``F`` (3, 3, e, q), packed ``S`` and ``D``, energy ``psi`` (e, q)."""
 
@@ -45,11 +49,22 @@ class InvertedError(Exception):
 
 @dataclass(frozen=True)
 class Contraction:
-    """The active tension of one region prepared for the kernel: elements, tension (e, q) and fibres (3, e, q)."""
+    """The active tension of one region prepared for the kernel.
+
+    Attributes
+    ----------
+    elements
+        Elements of the region.
+    tension, a0
+        Tension (e, q) [kPa] and fibres (3, e, q) over ALL elements.
+    rise
+        Largest tension over three times the region's passive shear modulus: the strain it would cause alone [1].
+    """
 
     elements: Ints
     tension: Array
     a0: Array
+    rise: float
 
 
 @dataclass(frozen=True)
@@ -183,7 +198,7 @@ def assemble_system(
         body,
         sparsity,
         laws,
-        tuple(_contraction(mesh, body, name, muscle) for name, muscle in active.items()),
+        tuple(_contraction(mesh, body, name, muscle, materials[name]) for name, muscle in active.items()),
         held_nodes,
         dead_load(mesh, body, loads),
         held_nodes.turned,
@@ -192,7 +207,7 @@ def assemble_system(
     )
 
 
-def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress) -> Contraction:
+def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress, law: Law) -> Contraction:
     elements = np.ascontiguousarray(mesh.regions[name], dtype=np.int64)
     n, n_points = body.dV.shape
     tension, a0 = np.zeros((n, n_points)), np.zeros((3, n, n_points))
@@ -204,4 +219,16 @@ def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress) -
             )
     tension[elements] = np.asarray(muscle.tension).reshape(-1, 1)
     a0[:, elements] = muscle.a0.reshape(3, -1, 1)
-    return Contraction(elements, tension, a0)
+    return Contraction(elements, tension, a0, float(tension.max()) / (3.0 * _shear_modulus(law, elements, body)))
+
+
+def _shear_modulus(law: Law, elements: Ints, body: Space) -> float:
+    """Mean passive shear modulus of a region in the reference body [kPa]."""
+    shape = body.dV.shape
+    F = np.zeros((3, 3, *shape))
+    for i in range(3):
+        F[i, i] = 1.0
+    S, D, psi = np.zeros((6, *shape)), np.zeros((21, *shape)), np.zeros(shape)
+    add_law(law, F, elements, S, D, psi)
+    shear = [PACKED_PLACE[a, a] for a in (3, 4, 5)]
+    return float(np.mean(D[shear][:, elements]))

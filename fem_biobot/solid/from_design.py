@@ -1,0 +1,98 @@
+"""From a design and its mesh to a solid model: laws, fibres, tension at full drive, neutral supports, loads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fem_biobot.design import Design
+from fem_biobot.errors import MeshError
+from fem_biobot.material.active import ActiveStress, Convention
+from fem_biobot.material.law import Law
+from fem_biobot.material.laws import law_from
+from fem_biobot.material.natural_state import NaturalState, isochoric_contraction
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.muscle.fibres import fibre_field, in_junction
+from fem_biobot.solid.model import SolidModel
+from fem_biobot.solid.records import BodyForce, Fix, Step, Traction
+
+
+def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
+    """Solid model of a design; see `SolidModel.from_design`.
+
+    A tension factor of 1 is the tension at full drive, ``design.tension(drive.amplitude)``, or 1 kPa where the design
+    has none. Bots are held on three points against the six rigid motions, which carries no force; a strip stands on
+    its minus end, free to slide in that plane; a cantilever is clamped.
+    """
+    materials: dict[str, Law] = {}
+    active: dict[str, ActiveStress] = {}
+    for region in ("skeleton", "muscle"):
+        part = getattr(design, region)
+        if part is None:
+            continue
+        if region not in mesh.regions:
+            raise MeshError(f"{region}: found no such region in the mesh ({', '.join(mesh.regions)}), expected one for this design")
+        materials[region] = law_from(part.material.law, part.material.young, part.material.poisson)
+    if design.muscle is not None:
+        active["muscle"] = ActiveStress(
+            tension_unit(design), fibre_field(design, mesh), Convention(design.muscle.convention)
+        )
+    loads: list[Traction | BodyForce] = []
+    if design.kind == "cantilever" and design.skeleton is not None and design.load is not None:
+        area = design.skeleton.beam_width * design.skeleton.beam_thickness
+        loads.append(Traction("tip", (0.0, 0.0, design.load.tip_force / area)))
+    return SolidModel(mesh, materials, active, supports(design, mesh), loads, element=design.mesh.element)
+
+
+def tension_unit(design: Design) -> float:
+    """Tension that a tension factor of 1 stands for [kPa]."""
+    return (design.tension(design.drive.amplitude) if design.muscle else 0.0) or 1.0
+
+
+def tension_step(design: Design, tension: float) -> Step:
+    """The step with a given tension [kPa] under the design's whole load."""
+    return Step(load=1.0, tension=tension / tension_unit(design))
+
+
+def supports(design: Design, mesh: BodyMesh) -> list[Fix]:
+    """Supports that hold the design's body and carry no force of their own."""
+    if design.kind == "cantilever":
+        return [Fix("clamp")]
+    if design.kind == "strip":
+        end = np.unique(mesh.surfaces["end_minus"])
+        centre = mesh.landmarks["end_minus_centre"]
+        far = end[np.argmax(np.abs(mesh.points[1, end] - mesh.points[1, centre]))]
+        return [Fix("end_minus", "x"), Fix("end_minus_centre", "yz"), Fix(_position(mesh, int(far)), "z")]
+    marks = design.landmarks()
+    first, second, third = (_vertex(mesh, name, marks[name]) for name in ("corner_short", "corner_long", "edge_short"))
+    return [Fix(first, "xyz"), Fix(second, "yz"), Fix(third, "z")]
+
+
+def remodelled(model: SolidModel, design: Design, natural_stretch: float) -> SolidModel:
+    """The same model with the junction's tissue free of passive stress at `natural_stretch` along its fibres.
+
+    The natural state is an isochoric contraction of the junction blocks; the rings keep the reference body, since the
+    pillars hold them at their length.
+    """
+    muscle = model.mesh.regions["muscle"]
+    fibres = np.asarray(model.active["muscle"].a0)
+    X = model.mesh.points[:, model.mesh.cells[:, muscle]].mean(axis=1)
+    junction = in_junction(design, X)
+    F0 = np.repeat(np.eye(3)[:, :, None], model.mesh.cells.shape[1], axis=2)
+    F0[:, :, muscle[junction]] = isochoric_contraction(natural_stretch, fibres[:, junction])
+    law = model.materials["muscle"]
+    return replace(model, materials={**model.materials, "muscle": NaturalState(law, F0)})
+
+
+def _vertex(mesh: BodyMesh, name: str, position: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The named vertex, or in a mesh without it the vertex nearest to where it belongs (free supports may move)."""
+    index = mesh.landmarks.get(name)
+    if index is None:
+        index = int(np.argmin(np.linalg.norm(mesh.points - np.array(position)[:, None], axis=0)))
+    return _position(mesh, index)
+
+
+def _position(mesh: BodyMesh, index: int) -> tuple[float, float, float]:
+    x, y, z = mesh.points[:, index]
+    return float(x), float(y), float(z)

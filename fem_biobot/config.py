@@ -6,6 +6,7 @@ import copy
 import difflib
 import hashlib
 import json
+import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -13,24 +14,17 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from fem_biobot.design import Design, Key, keys, sections, unknown_key
+from pydantic import BaseModel
+
+from fem_biobot.design import Design, Key, keys, section_type, sections, unknown_key
 from fem_biobot.design_checks import unused_keys
 from fem_biobot.errors import DesignError, FileError
-from fem_biobot.units import format_quantity, parse_quantity, shown
+from fem_biobot.units import DIMENSIONS, format_quantity, one_line, parse_quantity, shown
 
 PRESETS = Path(__file__).parent / "presets"
 _ORDER = ("junction_bot", "ring_bot", "strip", "cantilever")
 _LARGEST_FILE = 1_000_000
-_NOT_GEOMETRY = ("skeleton.material.", "muscle.material.")
-_FIBRE_KEYS = (
-    "muscle.reference",
-    "muscle.theta",
-    "muscle.spread",
-    "muscle.gamma",
-    "muscle.passive_tension",
-    "muscle.active_tension",
-    "muscle.convention",
-)
+_NUMBER_PATTERN = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 
 Table = dict[str, Any]
 
@@ -38,8 +32,13 @@ Table = dict[str, Any]
 @cache
 def presets() -> Mapping[str, str]:
     """Names of the designs that come with the package, each with a line about it."""
-    found = {path.stem: str(_read_table(path).get("description", "")) for path in sorted(PRESETS.glob("*.toml"))}
-    return dict(sorted(found.items(), key=lambda item: (_ORDER + tuple(found)).index(item[0])))
+    return {name: str(_read_table(PRESETS / f"{name}.toml")["description"]) for name in _preset_names()}
+
+
+@cache
+def _preset_names() -> tuple[str, ...]:
+    found = {path.stem for path in PRESETS.glob("*.toml")}
+    return (*(name for name in _ORDER if name in found), *sorted(found.difference(_ORDER)))
 
 
 def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Design:
@@ -92,15 +91,57 @@ def digest(design: Design) -> str:
 
 def geometry_digest(design: Design) -> str:
     """As `digest`, over what the mesh's shape depends on only: kind and lengths, not the mesh size."""
-    chosen = [
+    shape = ("kind", "skeleton.pillar_count", "muscle.layout")
+    lengths = [
         name
-        for name in keys()
-        if name == "kind"
-        or (
-            name.startswith(("skeleton.", "muscle.")) and not name.startswith(_NOT_GEOMETRY) and name not in _FIBRE_KEYS
-        )
+        for name, key in keys().items()
+        if name.startswith(("skeleton.", "muscle.")) and key.quantity is not None and key.quantity.unit == "mm"
     ]
+    chosen = [*shape, *lengths]
     return _digest(design, chosen)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema (draft 7) of a design file, for completion and checks in editors; `presets/` holds a copy."""
+    schema = _section_schema(Design, "")
+    schema["properties"] = {
+        "base": {"type": "string", "description": "Preset or file to start from; give only the keys that differ"},
+        **schema["properties"],
+    }
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "Design of a muscle-driven hydrogel machine",
+        **schema,
+        "anyOf": [{"required": ["kind"]}, {"required": ["base"]}],
+    }
+
+
+def _section_schema(record: type[BaseModel], prefix: str) -> dict[str, Any]:
+    properties: dict[str, Any] = {}
+    for name, field in record.model_fields.items():
+        inner = section_type(field)
+        found = _key_schema(keys()[prefix + name]) if inner is None else _section_schema(inner, f"{prefix}{name}.")
+        properties[name] = {"description": field.description, **found}
+    return {"type": "object", "additionalProperties": False, "properties": properties}
+
+
+def _key_schema(key: Key) -> dict[str, Any]:
+    default = key.field.default
+    if key.quantity is None:
+        kind = {"enum": list(key.choices)} if key.choices else {"type": "integer"}
+        schema = {"type": "string"} if key.field.annotation is str else kind
+        return schema if key.field.is_required() else {**schema, "default": default}
+    unit = key.quantity.unit
+    if unit == "1":
+        limits = {"minimum": key.quantity.low, "maximum": key.quantity.high}
+        number = {"type": "number", **{name: limit for name, limit in limits.items() if math.isfinite(limit)}}
+        percent = {"type": "string", "pattern": rf"^\s*{_NUMBER_PATTERN}\s*(%|percent)?\s*$"}
+        schema = {"anyOf": [number, percent]}
+        return schema if key.field.is_required() else {**schema, "default": default}
+    # the unit itself is left to the program, which knows every one; the editor sees that there is one
+    pattern = rf"^\s*{_NUMBER_PATTERN}\s*(1\s*/\s*)?[^0-9\s.,+/-].*$"
+    schema = {"type": "string", "pattern": pattern, "examples": [DIMENSIONS[unit].example]}
+    return schema if key.field.is_required() else {**schema, "default": format_quantity(default, unit)}
 
 
 def _digest(design: Design, names: Sequence[str]) -> str:
@@ -114,39 +155,49 @@ def _digest(design: Design, names: Sequence[str]) -> str:
 
 def _design_path(name_or_path: str | Path, folder: Path) -> Path:
     text = str(name_or_path)
-    preset = PRESETS / f"{text}.toml"
-    if re.fullmatch(r"\w+", text) and preset.is_file():
-        return preset
-    path = folder / Path(text).expanduser()
-    if path.is_file():
-        return path
-    names = ", ".join(p for p in _ORDER if (PRESETS / f"{p}.toml").is_file())
-    near = difflib.get_close_matches(text, _ORDER, 1, 0.6)
+    if text in _preset_names():
+        return PRESETS / f"{text}.toml"
+    path = folder / text
+    names = ", ".join(_preset_names())
+    quoted = one_line(text)
+    try:
+        if path.is_file():
+            return path
+        found = "a folder" if path.is_dir() else "no regular file" if path.exists() else ""
+    except OSError as error:
+        raise FileError(
+            f"{quoted}: cannot be read ({error.strerror}), expected a TOML file or one of: {names}"
+        ) from None
+    if found:
+        raise FileError(f"{quoted}: found {found}, expected a TOML file or one of: {names}")
+    near = difflib.get_close_matches(text, _preset_names(), 1, 0.6)
     hint = f"; did you mean {near[0]}?" if near else ""
-    if path.exists():
-        raise FileError(f"{shown(str(path))[1:-1]}: found a folder, expected a TOML file or a preset ({names})")
-    raise FileError(f"{shown(text)[1:-1]}: no such file or preset, expected a TOML file or one of: {names}{hint}")
+    raise FileError(f"{quoted}: no such file or preset, expected a TOML file or one of: {names}{hint}")
 
 
 def _read_table(path: Path) -> Table:
+    where = one_line(str(path))
     try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise FileError(f"{path}: found {path.stat().st_size} bytes, expected a design file of at most 1 MB")
+        size = path.stat().st_size
+        if size > _LARGEST_FILE:
+            raise FileError(f"{where}: found {size} bytes, expected a design file of at most {_LARGEST_FILE}")
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror}), expected a TOML file") from None
+        raise FileError(f"{where}: cannot be read ({error.strerror}), expected a TOML file") from None
     except UnicodeDecodeError:
-        raise FileError(f"{path}: found bytes that are not UTF-8 text, expected a TOML file") from None
+        raise FileError(f"{where}: found bytes that are not UTF-8 text, expected a TOML file") from None
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        message = " ".join(str(error).split())
-        place = re.search(r"\(at line (\d+), column (\d+)\)", message)
-        line = place[1] if place else str(text.count("\n") + 1)
-        what = re.sub(r"\s*\(at [^()]*\)$", "", message)
-        raise DesignError(f"{path}, line {line}: found {what[:1].lower()}{what[1:]}, expected TOML") from None
     except RecursionError:
-        raise DesignError(f"{path}: found tables nested too deeply, expected a design file") from None
+        raise DesignError(f"{where}: found values nested too deeply, expected a design file") from None
+    except ValueError as error:  # also what is no TOMLDecodeError, such as a number of 5000 digits
+        message = " ".join(str(error).split())
+        place = re.search(r"\(at line (\d+), column \d+\)$", message)
+        line = place[1] if place else str(len(text.splitlines()))
+        what = re.sub(r"\s*\(at [^()]*\)$", "", message)
+        if "overwrite" in what or "twice" in what:
+            raise DesignError(f"{where}, line {line}: found a key or section again, expected it once") from None
+        raise DesignError(f"{where}, line {line}: not valid TOML: {what[:1].lower()}{what[1:]}") from None
 
 
 def _resolved_table(path: Path, seen: tuple[Path, ...]) -> Table:
@@ -215,7 +266,7 @@ def _values(table: Table, prefix: str) -> Table:
         elif full in keys():
             result[name] = _value(value, keys()[full])
         else:
-            raise DesignError(unknown_key(full))
+            raise DesignError(unknown_key(full, "section" if isinstance(value, dict) else "key"))
     return result
 
 

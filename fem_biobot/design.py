@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import BaseModel, Field, ModelWrapValidatorHandler, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
 from fem_biobot.design_checks import check_fit
@@ -45,18 +45,16 @@ from fem_biobot.design_types import (
     Waveform,
 )
 from fem_biobot.errors import DesignError
-from fem_biobot.units import expected_text, format_quantity, shown
+from fem_biobot.units import expected_text, format_quantity, one_line, shown
 
 Point = tuple[float, float, float]
 
 
-class Record(BaseModel):
+class Record(BaseModel, frozen=True, extra="forbid", strict=True):
     """Frozen, refuses unknown names and wrong types."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
-
-class Material(Record):
+class Material(Record, frozen=True):
     """Passive material."""
 
     law: Law = Field(default="neo_hooke", description="Constitutive law")
@@ -65,7 +63,7 @@ class Material(Record):
     density: Density = Field(description="Mass per reference volume [kg/mm^3]")
 
 
-class Skeleton(Record):
+class Skeleton(Record, frozen=True):
     """Hydrogel beam with pillars at its ends."""
 
     beam_length: PositiveLength = Field(description="Whole length of the beam along x, pillars included [mm]")
@@ -82,7 +80,7 @@ class Skeleton(Record):
     material: Material = Field(description="Hydrogel")
 
 
-class Muscle(Record):
+class Muscle(Record, frozen=True):
     """Muscle tissue, its fibres and its tension."""
 
     layout: Layout = Field(
@@ -113,7 +111,7 @@ class Muscle(Record):
     material: Material = Field(description="Tissue without its tension")
 
 
-class Drive(Record):
+class Drive(Record, frozen=True):
     """Stimulation over time."""
 
     waveform: Waveform = Field(
@@ -124,7 +122,7 @@ class Drive(Record):
     amplitude: Fraction = Field(default=1.0, description="Largest drive; 1 adds the whole active tension [1]")
 
 
-class Ground(Record):
+class Ground(Record, frozen=True):
     """Surface and surroundings."""
 
     static_friction: Coefficient = Field(default=0.42, description="Coulomb coefficient of a sticking foot [1]")
@@ -133,14 +131,14 @@ class Ground(Record):
     medium_density: Density = Field(default=1e-6, description="Density of the medium when submerged [kg/mm^3]")
 
 
-class MeshSettings(Record):
+class MeshSettings(Record, frozen=True):
     """How the body is divided."""
 
     size: PositiveLength = Field(description="Edge length asked of the mesh generator away from refinement [mm]")
     element: Element = Field(default="P2", description="P2: quadratic tetrahedra, displacement only")
 
 
-class Numerics(Record):
+class Numerics(Record, frozen=True):
     """Settings of the solvers."""
 
     step: PositiveTime = Field(default=1e-3, description="Time step of the dynamics [s]")
@@ -150,13 +148,13 @@ class Numerics(Record):
     )
 
 
-class Load(Record):
+class Load(Record, frozen=True):
     """Load of a cantilever."""
 
     tip_force: Force = Field(description="Force along z, spread over the tip face [mN]")
 
 
-class Design(Record):
+class Design(Record, frozen=True):
     """One machine, complete and consistent.
 
     Frame: x from the short to the long pillar with 0 at mid-span, y lateral with 0 at mid-width, z up with 0 at the
@@ -356,22 +354,22 @@ def _walk(record: type[Record], prefix: str) -> list[tuple[str, Key]]:
     return found
 
 
-def unknown_key(name: str) -> str:
+def unknown_key(name: str, what: str = "key") -> str:
     """Message for a key or section that does not exist, with the nearest that does."""
-    what = "key"
     candidates: list[str] = [*keys(), *sections()]
     section, _, last = name.rpartition(".")
     siblings = [k for k in candidates if k.rpartition(".")[0] == section]
-    near = difflib.get_close_matches(name, siblings, 1, 0.75)
+    near = difflib.get_close_matches(name, siblings, 1, 0.75) if last else []
     if not near:
-        # right name in the wrong section, or a misspelt section
-        by_last = {k.rpartition(".")[2]: k for k in reversed(candidates)}
-        near = [by_last[m] for m in difflib.get_close_matches(last, list(by_last), 1, 0.8)]
-    near = near or difflib.get_close_matches(name, candidates, 1, 0.6)
+        # the right name in the wrong section, inner sections of the one that was written first
+        elsewhere = sorted(candidates, key=lambda k: not k.startswith(section + "."))
+        lasts = [k.rpartition(".")[2] for k in elsewhere]
+        near = [elsewhere[lasts.index(m)] for m in difflib.get_close_matches(last, lasts, 1, 0.8)]
+    written = one_line(name)
     if near:
-        return f"{name}: unknown {what}; did you mean {near[0]}?"
+        return f"{written}: unknown {what}; did you mean {near[0]}?"
     known = ", ".join(k.rpartition(".")[2] for k in siblings) or ", ".join(sections())
-    return f"{name}: unknown {what}, expected one of: {known}"
+    return f"{written}: unknown {what}, expected one of: {known}"
 
 
 def _complaint(error: ValidationError) -> str:
@@ -392,6 +390,8 @@ def _check_ranges(design: Design) -> None:
         value = design.value(name)
         if value is None or key.quantity is None or key.quantity.allows(value):
             continue
-        found = format_quantity(value, key.quantity.unit) if math.isfinite(value) else str(value)
-        note = f" ({key.quantity.note})" if key.quantity.note else ""
+        # an angle that was not read from degrees would show sixteen of its digits
+        digits = 12 if key.quantity.unit == "rad" else None
+        found = format_quantity(value, key.quantity.unit, digits=digits) if math.isfinite(value) else str(value)
+        note = f" ({key.quantity.note})" if key.quantity.note and value > key.quantity.high else ""
         raise DesignError(f"{name}: found {found}, expected {key.quantity.interval()}{note}")

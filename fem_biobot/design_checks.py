@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from fem_biobot.errors import DesignError
-from fem_biobot.units import expected_text, format_quantity
+from fem_biobot.units import expected_text, format_quantity, shown
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design, Muscle, Skeleton
@@ -27,6 +27,7 @@ _PARTS = frozenset((*_PILLARS, *_RING, *_JUNCTION, *_OPTIONAL, "muscle.junction_
 
 # Smallest clearance worth meshing, relative to the beam's thickness: what only rounding separates is in touch.
 _TOUCH = 1e-6
+_MOST_PILLARS = 100
 
 
 def needed_keys(design: Design) -> tuple[str, ...]:
@@ -61,13 +62,13 @@ def check_fit(design: Design) -> None:
 
 
 def _mm(value: float) -> str:
-    return format_quantity(value, "mm", digits=6)
+    return format_quantity(value, "mm", digits=12)
 
 
 def _check_text(design: Design) -> None:
     for name, text in (("name", design.name), ("description", design.description)):
         if not text.isprintable() or len(text) > 200 or (name == "name" and not text.strip()):
-            raise DesignError(f"{name}: found {text[:40]!r}, expected printable text on one line, up to 200 characters")
+            raise DesignError(f"{name}: found {shown(text)}, expected printable text on one line, up to 200 characters")
 
 
 def _check_sections(design: Design) -> None:
@@ -122,8 +123,8 @@ def _check_times_and_friction(design: Design) -> None:
 
 def _check_skeleton(design: Design, skeleton: Skeleton) -> None:
     count, length = skeleton.pillar_count, skeleton.pillar_length
-    if count < 2:
-        raise DesignError(f"skeleton.pillar_count: found {count}, expected 2 or more")
+    if not 2 <= count <= _MOST_PILLARS:
+        raise DesignError(f"skeleton.pillar_count: found {shown(count)}, expected between 2 and {_MOST_PILLARS}")
     if count * length >= skeleton.beam_length * (1.0 - 1e-9):
         raise DesignError(
             f"skeleton.pillar_length: found {_mm(length)}, expected less than {_mm(skeleton.beam_length / count)}: "
@@ -156,7 +157,7 @@ def _check_skeleton(design: Design, skeleton: Skeleton) -> None:
 def _check_muscle(design: Design, skeleton: Skeleton, muscle: Muscle) -> None:
     sole = design.beam_axis_height - skeleton.short_pillar_height
     ceiling = design.beam_axis_height - skeleton.beam_thickness / 2 - skeleton.fillet_radius
-    limit = "the fillet below the beam" if skeleton.fillet_radius else "the lower face of the beam"
+    limit = "fillet (skeleton.fillet_radius)" if skeleton.fillet_radius else "beam (skeleton.beam_thickness)"
     touch = _TOUCH * skeleton.beam_thickness
     middle = muscle.junction_height
     parts = [("ring", "muscle.ring_height", middle + muscle.ring_offset, muscle.ring_height)]
@@ -167,7 +168,7 @@ def _check_muscle(design: Design, skeleton: Skeleton, muscle: Muscle) -> None:
         if top > ceiling - touch:
             raise DesignError(
                 f"muscle.junction_height: found {_mm(middle)}, which with {size_key} {_mm(extent)} puts the {part}'s "
-                f"top at z = {_mm(top)}, expected below {limit} (skeleton.beam_thickness) at z = {_mm(ceiling)}"
+                f"top at z = {_mm(top)}, where it touches the {limit}, expected below z = {_mm(ceiling)}"
             )
         if bottom < sole + touch:
             raise DesignError(

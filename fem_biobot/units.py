@@ -24,8 +24,9 @@ _NUMBER = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
 _NOT_FINITE = re.compile(r"\s*[+-]?(?:nan|inf|infinity)\b.*", re.IGNORECASE | re.DOTALL)
 _FACTOR = r"[^\W\d_]+(?:_[^\W\d_]+)*(?:\^-?[1-9])?"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:\s*[*/]\s*{_FACTOR}|\s+{_FACTOR})*")
-_SPELLING = {"²": "^2", "³": "^3", "**": "^", "·": "*", "°": "deg"}
+_SPELLING = {"²": "^2", "³": "^3", "**": "^", "·": "*", "°": "deg", "%": "percent"}
 _LONGEST = 100
+_MOST_BITS = 200  # Python refuses to print integers of thousands of digits
 
 
 @dataclass(frozen=True)
@@ -106,8 +107,16 @@ def shown(value: object) -> str:
         return "a section"
     if isinstance(value, list | tuple):
         return "a list"
+    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+        return "a huge whole number"
     text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else " ".join(str(value).split())
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def one_line(text: str) -> str:
+    """A name or path for a message: whole where it is short of 300 characters, line breaks and the like escaped."""
+    escaped = text if text.isprintable() else json.dumps(text)[1:-1]
+    return escaped if len(escaped) <= 300 else escaped[:297] + "..."
 
 
 def parse_quantity(value: object, unit: str, key: str) -> float:
@@ -136,7 +145,8 @@ def parse_quantity(value: object, unit: str, key: str) -> float:
     def refuse(why: str, number: str | None = None) -> DesignError:
         return DesignError(f"{key}: found {shown(value)}{why}, expected {expected_text(unit, number)}")
 
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
+    huge = isinstance(value, int) and value.bit_length() > _MOST_BITS
+    if isinstance(value, bool) or huge or not isinstance(value, int | float | str):
         raise refuse("")
     text = value if isinstance(value, str) else repr(value)
     if _NOT_FINITE.fullmatch(text):

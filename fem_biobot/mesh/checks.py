@@ -208,14 +208,13 @@ def _connected(table: Facets, n: int) -> None:
 
 
 def _surfaces(surfaces: Mapping[str, Ints], table: Facets, n: int) -> None:
-    known = np.sort(row_keys(table.triples, n)) if surfaces else np.empty(0, dtype=np.int64)
     for name, triples in surfaces.items():
         if triples.ndim != 2 or triples.shape[0] != 3 or triples.shape[1] == 0:
             raise MeshError(f"surface {name} must be one or more triangles of the shape (3, f), found {triples.shape}")
         if triples.min() < 0 or triples.max() >= n:
             raise MeshError(f"surface {name} names the vertices {triples.min()} to {triples.max()}, but there are {n}")
-        keys = row_keys(triples, n)
-        place = np.minimum(np.searchsorted(known, keys), known.size - 1)
-        strange = int((known[place] != keys).sum())
+        # keys of both at once, since they need not mean the same from call to call
+        keys = row_keys(np.concatenate([table.triples, triples], axis=1), n)
+        strange = int((~np.isin(keys[table.triples.shape[1] :], keys[: table.triples.shape[1]])).sum())
         if strange:
             raise MeshError(f"surface {name} has {strange} triangles that are no facets of the tetrahedra")

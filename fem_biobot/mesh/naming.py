@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import MeshError
-from fem_biobot.mesh.facets import Facets
+from fem_biobot.mesh.facets import Facets, row_keys
 from fem_biobot.mesh.layout import Face, Layout
 
 Array = NDArray[np.float64]
@@ -70,6 +70,30 @@ def interface(table: Facets, region_of: Ints, names: list[str]) -> Ints:
     flip = pair[0, between] != names.index("skeleton")
     triples[:, flip] = triples[::-1, flip]
     return triples
+
+
+def oriented(surfaces: Mapping[str, Ints], table: Facets, region_of: Ints, names: list[str]) -> dict[str, Ints]:
+    """The same surfaces, looking out of the body, and from skeleton to muscle where they lie between these.
+
+    Facets inside one region keep their side; a file may number the others either way round.
+    """
+    n = int(table.triples.max()) + 1
+    turned = {}
+    for name, triples in surfaces.items():
+        keys = row_keys(np.concatenate([table.triples, triples], axis=1), n)
+        known, asked = keys[: table.triples.shape[1]], keys[table.triples.shape[1] :]
+        order = np.argsort(known)
+        facet = order[np.searchsorted(known[order], asked)]
+        first, second = table.elements[:, facet]
+        same = (second >= 0) & (region_of[first] == region_of[second])
+        # out of the first element, which is the skeleton's at an interface
+        wanted = table.triples[:, facet].copy()
+        if "skeleton" in names:
+            back = (second >= 0) & ~same & (region_of[first] != names.index("skeleton"))
+            wanted[:, back] = wanted[::-1, back]
+        wanted[:, same] = triples[:, same]
+        turned[name] = wanted
+    return turned
 
 
 def named_landmarks(wanted: Mapping[str, tuple[float, float, float]], points: Array) -> dict[str, int]:

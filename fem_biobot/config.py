@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from fem_biobot.design import Design, Key, keys, section_type, sections, unknown_key
+from fem_biobot.design import Design, Key, first_key, keys, section_type, sections, unknown_key
 from fem_biobot.design_checks import unused_keys
 from fem_biobot.errors import DesignError, FileError
 from fem_biobot.units import DIMENSIONS, format_quantity, one_line, parse_quantity, shown
@@ -234,8 +234,6 @@ def _apply(table: Table, override: str) -> None:
     if len(text) >= 2 and text[0] == text[-1] and text[0] in "\"'":
         text = text[1:-1]
     if name not in keys():
-        if name in sections():
-            raise DesignError(f"{name}: found {shown(text)}, expected a key of this section, such as {_first_of(name)}")
         raise DesignError(unknown_key(name))
     *path, last = name.split(".")
     for section in path:
@@ -248,10 +246,6 @@ def _apply(table: Table, override: str) -> None:
     table[last] = text
 
 
-def _first_of(section: str) -> str:
-    return next(name for name in keys() if name.startswith(section + "."))
-
-
 def _values(table: Table, prefix: str) -> Table:
     """The table with every text turned into what `Design` takes."""
     result: Table = {}
@@ -260,7 +254,7 @@ def _values(table: Table, prefix: str) -> Table:
         if full in sections():
             if not isinstance(value, dict):
                 raise DesignError(
-                    f"{full}: found {shown(value)}, expected a section with keys such as {_first_of(full)}"
+                    f"{full}: found {shown(value)}, expected a section with keys such as {first_key(full)}"
                 )
             result[name] = _values(value, full + ".")
         elif full in keys():

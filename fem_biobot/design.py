@@ -1,8 +1,8 @@
 """The description of a machine: frozen records of floats in mm, mN, kPa, s, kg, rad, checked when put together.
 
-Which keys exist, their dimension, range and meaning stand here once; `config` reads and writes them as text, and the
-JSON schema is made from them. The records check types and names; `Design` checks ranges and how the parts fit, so that
-every message carries the full key.
+`design_parts` holds the records of which a design is made. They check types and names; `Design` checks ranges and how
+the parts fit, so that every message carries the full key. `keys` lists what exists, for the reader, the writer and the
+JSON schema in `config`.
 """
 
 from __future__ import annotations
@@ -12,146 +12,28 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, Self, get_args, get_origin
+from typing import Any, Literal, Self, get_args, get_origin
 
-from pydantic import BaseModel, Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
 from fem_biobot.design_checks import check_fit
-from fem_biobot.design_types import (
-    Angle,
-    Coefficient,
-    Convention,
-    Coordinate,
-    Density,
-    Element,
-    Force,
-    Fraction,
-    Frequency,
-    Immersion,
+from fem_biobot.design_parts import (
+    Drive,
+    Ground,
     Kind,
-    Law,
-    Layout,
-    Modulus,
-    NonNegativeTime,
-    PartLength,
-    Poisson,
-    PositiveLength,
-    PositiveTime,
+    Load,
+    MeshSettings,
+    Muscle,
+    Numerics,
     Quantity,
-    Reference,
-    Spread,
-    Tension,
-    Waveform,
+    Record,
+    Skeleton,
 )
 from fem_biobot.errors import DesignError
 from fem_biobot.units import expected_text, format_quantity, one_line, shown
 
 Point = tuple[float, float, float]
-
-
-class Record(BaseModel, frozen=True, extra="forbid", strict=True):
-    """Frozen, refuses unknown names and wrong types."""
-
-
-class Material(Record, frozen=True):
-    """Passive material."""
-
-    law: Law = Field(default="neo_hooke", description="Constitutive law")
-    young: Modulus = Field(description="Young's modulus at small strain [kPa]")
-    poisson: Poisson = Field(description="Poisson's ratio at small strain [1]")
-    density: Density = Field(description="Mass per reference volume [kg/mm^3]")
-
-
-class Skeleton(Record, frozen=True):
-    """Hydrogel beam with pillars at its ends."""
-
-    beam_length: PositiveLength = Field(description="Whole length of the beam along x, pillars included [mm]")
-    beam_width: PositiveLength = Field(description="Width of the beam along y [mm]")
-    beam_thickness: PositiveLength = Field(description="Thickness of the beam along z [mm]")
-    pillar_count: int = Field(default=2, description="Number of pillars, equally spaced from end to end [1]")
-    pillar_length: PartLength = Field(default=0.0, description="Extent of a pillar along x [mm]")
-    pillar_width: PartLength = Field(default=0.0, description="Extent of a pillar along y [mm]")
-    short_pillar_height: PartLength = Field(
-        default=0.0, description="From the beam axis to the short pillar's sole [mm]"
-    )
-    long_pillar_height: PartLength = Field(default=0.0, description="From the beam axis to the long pillar's sole [mm]")
-    fillet_radius: PartLength = Field(default=0.0, description="Radius where a pillar's inner face meets the beam [mm]")
-    material: Material = Field(description="Hydrogel")
-
-
-class Muscle(Record, frozen=True):
-    """Muscle tissue, its fibres and its tension."""
-
-    layout: Layout = Field(
-        default="junction",
-        description="junction: rings joined by a thin strip between the pillars; ring: one loop around both",
-    )
-    junction_length: PartLength = Field(
-        default=0.0, description="Length of a strip along x; a bot's follows from its span [mm]"
-    )
-    junction_width: PartLength = Field(default=0.0, description="Width of the junction along y [mm]")
-    junction_thickness: PartLength = Field(default=0.0, description="Thickness of the junction along z [mm]")
-    junction_height: Coordinate = Field(description="z of the muscle's mid-plane above the longest pillar's sole [mm]")
-    ring_thickness: PartLength = Field(default=0.0, description="In-plane thickness of the ring around a pillar [mm]")
-    ring_height: PartLength = Field(default=0.0, description="Extent of the ring along z [mm]")
-    ring_offset: Coordinate = Field(default=0.0, description="z of the ring's mid-plane minus the junction's [mm]")
-    reference: Reference = Field(
-        default="as_moulded",
-        description="as_moulded: stress-free at pillar spacing; remodelled: stress-free in the passive shape",
-    )
-    theta: Angle = Field(description="Angle from the lateral axis to the fibre; 90 deg is along the machine [rad]")
-    spread: Spread = Field(default=0.0, description="Standard deviation of the fibre angle; only 0 deg so far [rad]")
-    gamma: Fraction = Field(default=1.0, description="Viable fraction; scales the passive and the active tension [1]")
-    passive_tension: Tension = Field(description="Standing tension of the compacted tissue along the fibre [kPa]")
-    active_tension: Tension = Field(description="Tension that stimulation adds at full drive [kPa]")
-    convention: Convention = Field(
-        default="nominal", description="nominal: force per reference area, psi = T (stretch - 1)"
-    )
-    material: Material = Field(description="Tissue without its tension")
-
-
-class Drive(Record, frozen=True):
-    """Stimulation over time."""
-
-    waveform: Waveform = Field(
-        default="abs_sine", description="abs_sine: amplitude |sin(pi f t)|; constant: the amplitude at all times"
-    )
-    frequency: Frequency = Field(default=2.0, description="Strokes per second [Hz]")
-    duration: PositiveTime = Field(default=5.0, description="Stimulated time [s]")
-    amplitude: Fraction = Field(default=1.0, description="Largest drive; 1 adds the whole active tension [1]")
-
-
-class Ground(Record, frozen=True):
-    """Surface and surroundings."""
-
-    static_friction: Coefficient = Field(default=0.42, description="Coulomb coefficient of a sticking foot [1]")
-    kinetic_friction: Coefficient = Field(default=0.3, description="Coulomb coefficient of a sliding foot [1]")
-    immersion: Immersion = Field(default="air", description="submerged: buoyancy reduces the weight; air: it does not")
-    medium_density: Density = Field(default=1e-6, description="Density of the medium when submerged [kg/mm^3]")
-
-
-class MeshSettings(Record, frozen=True):
-    """How the body is divided."""
-
-    size: PositiveLength = Field(description="Edge length asked of the mesh generator away from refinement [mm]")
-    element: Element = Field(default="P2", description="P2: quadratic tetrahedra, displacement only")
-
-
-class Numerics(Record, frozen=True):
-    """Settings of the solvers."""
-
-    step: PositiveTime = Field(default=1e-3, description="Time step of the dynamics [s]")
-    damping_time: NonNegativeTime = Field(default=0.01, description="Relaxation time of the internal damping [s]")
-    tolerance: Annotated[float, Quantity("1", 1e-13, 1e-3)] = Field(
-        default=1e-9, description="Residual relative to the force scale at which an equilibrium is accepted [1]"
-    )
-
-
-class Load(Record, frozen=True):
-    """Load of a cantilever."""
-
-    tip_force: Force = Field(description="Force along z, spread over the tip face [mN]")
 
 
 class Design(Record, frozen=True):
@@ -354,8 +236,15 @@ def _walk(record: type[Record], prefix: str) -> list[tuple[str, Key]]:
     return found
 
 
+def first_key(section: str) -> str:
+    """Full name of the first key of a section, as an example."""
+    return next(name for name in keys() if name.startswith(section + "."))
+
+
 def unknown_key(name: str, what: str = "key") -> str:
     """Message for a key or section that does not exist, with the nearest that does."""
+    if name in sections():
+        return f"{name}: found a single value, expected one of its keys, such as {first_key(name)}"
     candidates: list[str] = [*keys(), *sections()]
     section, _, last = name.rpartition(".")
     siblings = [k for k in candidates if k.rpartition(".")[0] == section]

@@ -12,7 +12,8 @@ from fem_biobot.errors import DesignError
 from fem_biobot.units import expected_text, format_quantity, shown
 
 if TYPE_CHECKING:
-    from fem_biobot.design import Design, Muscle, Skeleton
+    from fem_biobot.design import Design
+    from fem_biobot.design_parts import Muscle, Skeleton
 
 _PILLARS = (
     "skeleton.pillar_length",

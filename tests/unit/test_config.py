@@ -304,7 +304,7 @@ def test_the_last_override_counts() -> None:
     [
         ("muscle.theta", '--set: found "muscle.theta", expected key=value, such as muscle.theta="90 deg"'),
         ("=3", '--set: found "=3", expected key=value'),
-        ("muscle=3", 'muscle: found "3", expected a key of this section, such as muscle.layout'),
+        ("muscle=3", "muscle: found a single value, expected one of its keys, such as muscle.layout"),
         ("muscle.thetta=3 deg", "muscle.thetta: unknown key; did you mean muscle.theta?"),
         ("muscle.theta.x=3 deg", "muscle.theta.x: unknown key"),
         ("base=strip", "base: unknown key"),

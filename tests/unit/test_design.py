@@ -9,8 +9,9 @@ import pytest
 from pydantic import ValidationError
 
 from fem_biobot.config import load_design
-from fem_biobot.design import Design, Key, Muscle, Skeleton, keys, sections, unknown_key
+from fem_biobot.design import Design, Key, keys, sections, unknown_key
 from fem_biobot.design_checks import needed_keys, unused_keys
+from fem_biobot.design_parts import Muscle, Skeleton
 from fem_biobot.errors import DesignError
 
 
@@ -302,7 +303,7 @@ def test_parts_in_each_others_way_are_refused(bot: Design, values: dict[str, Any
             "muscle.junction_length: found 7 mm, expected no such key for",
         ),
         ("junction_bot", {"load.tip_force": 1.0}, 'load: found a section, expected none for kind "bot"'),
-        ("junction_bot", {"skeleton": None}, "skeleton: unknown key"),
+        ("junction_bot", {"skeleton": None}, "skeleton: found a single value, expected one of its keys"),
         ("strip", {"muscle.ring_height": 1.0}, 'muscle.ring_height: found 1 mm, expected no such key for kind "strip"'),
         ("strip", {"muscle.layout": "ring"}, 'muscle.layout: found ring, expected junction for kind "strip"'),
         ("strip", {"kind": "bot"}, 'skeleton: missing, expected the section [skeleton] for kind "bot"'),

@@ -150,6 +150,7 @@ def test_angles_read_back_identically_whether_in_degrees_or_not() -> None:
         (1e22, "kPa", None, "1e22 kPa"),
         (0.1 + 0.2, "kPa", 3, "0.3 kPa"),
         (1.0, "rad", 3, "57.3 deg"),
+        (1.0, "rad", None, "57.29577951308232 deg"),
         (140.0, "mm", 2, "140 mm"),
     ],
 )

@@ -15,6 +15,7 @@ HEADER, FOOTER, BAR, CAPTION = 74, 66, 190, 34  # pixels
 GAP, MARGIN = 14, 26
 MAX_HEIGHT = 1200
 _PADDING = 1.06
+_LEAST_WITH_BAR = 380  # pixels, so that the bar's label fits beside it
 _INSET = 0.28  # of the picture's width
 
 
@@ -66,8 +67,8 @@ def lay_out(picture: Picture, *, width: int = 1600) -> Layout:
             best = (scale, rows, columns)
     assert best is not None  # a picture has a panel
     scale, rows, columns = best
-    wide = max(int(np.ceil(size[0] / scale)), (int(0.6 * width) - around) // columns - beside)
-    tall = max(int(np.ceil(size[1] / scale)), side, 60)
+    wide = max(int(size[0] / scale), (int(0.6 * width) - around) // columns - beside)
+    tall = max(int(size[1] / scale), side, _LEAST_WITH_BAR // rows if picture.bar else 60)
     width = around + columns * (wide + beside) + GAP * (columns - 1)
     height = HEADER + FOOTER + rows * (tall + captions) + GAP * (rows - 1)
     frames: list[Frame] = []

@@ -57,7 +57,12 @@ class RenderError(Exception):
 
 
 def draw_pictures(
-    pictures: Sequence[Picture], folder: str | os.PathLike[str], *, renderer: str | None = None, timeout: float = 90.0
+    pictures: Sequence[Picture],
+    folder: str | os.PathLike[str],
+    *,
+    renderer: str | None = None,
+    width: int = 1600,
+    timeout: float = 90.0,
 ) -> Drawn:
     """Draw pictures into a folder as ``<name>.png``, each whole or not at all.
 
@@ -69,6 +74,8 @@ def draw_pictures(
         An existing folder.
     renderer
         One of `CHOICES`; from the environment if left out.
+    width
+        Width of a picture [pixels]; the height follows from what it shows.
     timeout
         How long VTK may take, for all of them [s].
 
@@ -80,7 +87,7 @@ def draw_pictures(
         ``pyvista`` was asked for and cannot draw; a file cannot be written.
     """
     choice = _choice(renderer)
-    layouts = [lay_out(picture) for picture in pictures]
+    layouts = [lay_out(picture, width=width) for picture in pictures]
     views = [frame.view for layout in layouts for frame in layout.frames]
     used, note = "matplotlib", ""
     images: list[Image] | None = None

@@ -20,7 +20,7 @@ DPI = 160
 INK, SOFT, GRID = "#1f2429", "#667079", "#e3e7ea"
 # Okabe and Ito's colours, told apart by every kind of colour vision
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-# muscle force [mN] and tip closing [mm] that the paper's text gives for its own finite-element simulation
+# muscle force [mN] and tip closing [mm] of the paper's own simulation, as its text says
 PAPER_FORCE, PAPER_CLOSING = (0.5, 1.0, 1.4), (0.3, 0.5, 1.0)
 PAPER_LABEL = "paper, simulated (text, approx.)"
 

@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+# compared by identity: two meshes are not equal because their arrays happen to be
+@dataclass(frozen=True, eq=False)
 class BodyMesh:
     """Tetrahedral mesh of a body with named parts.
 

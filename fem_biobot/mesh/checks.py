@@ -23,6 +23,10 @@ Ints = NDArray[np.int64]
 FLAT = 1e-12
 # Vertices closer than this share of the shortest edge are meant to be one.
 TOGETHER = 1e-4
+# A coordinate beyond this [mm] is a damaged number, not a body.
+FAR = 1e9
+# other units of length that a mesh may come in, in mm
+UNITS = {"m": 1e3, "cm": 10.0, "um": 1e-3}
 # Straight-sided bodies meet their closed-form volumes to rounding of a sum of many elements.
 VOLUME = 1e-9
 
@@ -63,9 +67,11 @@ def check_volumes(found: Mapping[str, float], expected: Mapping[str, float], sla
         raise MeshError(f"the mesh has the regions {_list(found)}, but the design has {_list(expected)}")
     for name, volume in expected.items():
         if abs(found[name] - volume) > VOLUME * volume + slack.get(name, 0.0):
+            ratio = found[name] / volume
+            hint = next((f"; it seems to be in {unit}" for unit, k in UNITS.items() if 0.5 < ratio * k**3 < 2), "")
             raise MeshError(
                 f"region {name} of the mesh has a volume of {found[name]:.6g} mm^3, but that of the design has "
-                f"{volume:.6g} mm^3"
+                f"{volume:.6g} mm^3{hint}"
             )
 
 
@@ -84,9 +90,11 @@ def _shapes(points: Array, cells: Ints) -> None:
         raise MeshError(f"cells must be one or more tetrahedra of the shape (4, e), found {cells.shape}")
     if cells.min() < 0 or cells.max() >= points.shape[1]:
         raise MeshError(f"cells name the vertices {cells.min()} to {cells.max()}, but there are {points.shape[1]}")
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=0))
+    bad = np.flatnonzero(~(np.abs(points) < FAR).all(axis=0))
     if bad.size:
-        raise MeshError(f"{bad.size} vertices have a coordinate that is not finite, the first is vertex {bad[0]}")
+        raise MeshError(
+            f"{bad.size} vertices have a coordinate that is not finite or beyond {FAR:g} mm, the first is vertex {bad[0]}"
+        )
 
 
 def _regions(regions: Mapping[str, Ints], n: int) -> Ints:

@@ -18,8 +18,8 @@ from fem_biobot.design import Design, keys
 from fem_biobot.errors import MeshError
 from fem_biobot.files import file_error, write_json, write_text
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.mesh.files import mesh_text, read_mesh
 from fem_biobot.mesh.geometry import GmshMissing, build_mesh, gmsh_advice
+from fem_biobot.mesh.tagged import mesh_text, read_mesh
 
 
 def mesh_folder() -> Path | None:

@@ -30,7 +30,7 @@ GMSH_LIBRARIES = "libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libgomp1"
 GMSH_COMMAND = f"apt-get install -y {GMSH_LIBRARIES}"
 
 # Element sizes as shares of the general size. At a size equal to the beam's thickness the thin muscle has two
-# elements across, whatever its thickness; a ring has about one and a half.
+# elements across, whatever its thickness, and a ring one.
 JUNCTION_ACROSS = 2.0
 RING_ACROSS = 1.0
 CORNER_SHARE = 0.4
@@ -39,6 +39,9 @@ CORNER_MIDDLE_SHARE = 0.2
 CORNER_MIDDLE_REACH = 0.4
 # how fast elements grow with the distance from a refined part
 GROWTH = 0.45
+
+# beyond this a size is a slip of the pen, and the machine would be out of memory before Gmsh says so
+MOST_ELEMENTS = 2e7
 
 _OPTIONS = {
     "General.Terminal": 0,
@@ -53,6 +56,8 @@ _OPTIONS = {
     "Mesh.RandomFactor": 1e-9,
     "Mesh.RandomFactor3D": 1e-12,
     "Mesh.ElementOrder": 1,
+    "Mesh.RecombineAll": 0,
+    "Mesh.SubdivisionAlgorithm": 0,
     "Mesh.Optimize": 1,
     "Mesh.OptimizeNetgen": 0,
     "Mesh.OptimizeThreshold": 0.4,
@@ -90,7 +95,7 @@ def import_gmsh() -> Any:
         raise GmshMissing(error.name or "gmsh") from error
     except (ImportError, OSError) as error:
         found = re.search(r"lib[\w.+-]*\.so[\w.]*", str(error))
-        raise GmshMissing(found.group(0) if found else str(error)) from error
+        raise GmshMissing(found.group(0) if found else _last_line(error)) from error
     return gmsh
 
 
@@ -122,6 +127,10 @@ def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
     if not (np.isfinite(h) and h > 0):
         raise MeshError(f"mesh size must be a positive length, found {h:g} mm")
     plan = layout(design)
+    # a mesh has four to thirty times the elements of even tetrahedra of this size
+    estimate = 30 * sum(plan.volumes.values()) / h**3
+    if estimate > MOST_ELEMENTS:
+        raise MeshError(f"mesh size {h:g} mm would give about {estimate:.0e} elements; expected a larger size")
     gmsh = import_gmsh()
     with _LOCK, _session(gmsh):
         try:
@@ -173,7 +182,8 @@ def _session(gmsh: Any) -> Iterator[None]:
             gmsh.model.remove()
             for name, value in before.items():
                 gmsh.option.setNumber(name, value)
-            gmsh.model.setCurrent(current)
+            if current in gmsh.model.list():
+                gmsh.model.setCurrent(current)
 
 
 def _add_box(occ: Any, box: Box) -> tuple[int, int]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from fem_biobot.design import Design
@@ -82,7 +80,7 @@ def remodelled(model: SolidModel, design: Design, natural_stretch: float) -> Sol
     F0 = np.repeat(np.eye(3)[:, :, None], model.mesh.cells.shape[1], axis=2)
     F0[:, :, muscle[junction]] = isochoric_contraction(natural_stretch, fibres[:, junction])
     law = model.materials["muscle"]
-    return replace(model, materials={**model.materials, "muscle": NaturalState(law, F0)})
+    return model.with_materials({**model.materials, "muscle": NaturalState(law, F0)})
 
 
 def _vertex(mesh: BodyMesh, name: str, position: tuple[float, float, float]) -> tuple[float, float, float]:

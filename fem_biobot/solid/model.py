@@ -7,7 +7,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -82,6 +83,16 @@ class SolidModel:
             self.mesh, self.materials, self.active, self.supports, self.loads, self.element, self.quadrature_degree
         )
 
+    def with_materials(self, materials: Mapping[str, Law]) -> SolidModel:
+        """The same model with other passive laws; the discrete space and its sparsity are shared, not made again."""
+        if set(materials) != set(self.materials):
+            raise ModelError(f"materials: found {', '.join(materials)}, expected {', '.join(self.materials)}")
+        changed = copy(self)
+        object.__setattr__(changed, "materials", dict(materials))
+        laws = tuple((materials[name], elements) for name, (_, elements) in zip(self.materials, self.system.laws, strict=True))
+        changed.__dict__["system"] = replace(self.system, laws=laws)
+        return changed
+
     @property
     def n_dofs(self) -> int:
         """Displacement unknowns, held ones included."""
@@ -152,7 +163,7 @@ class SolidState:
         return (self.internal_force - f_ext)[:, nodes].sum(axis=1)
 
     def at(self, point: Sequence[float]) -> Array:
-        """Displacement at a reference position, (3,) [mM]; refuses a position outside the body."""
+        """Displacement at a reference position, (3,) [mm]; refuses a position outside the body."""
         return self.u[:, :] @ interpolation(self.model.system, np.asarray(point, dtype=float))
 
 
@@ -212,6 +223,11 @@ class SolidSolution:
         return self.last.at(point)
 
 
+def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> LinearSolver:
+    """A linear solver that several calls of `solve` can share."""
+    return LinearSolver(model.system.pattern, settings or NewtonSettings())
+
+
 StateObserver = Callable[[str, dict[str, float]], None]
 
 
@@ -223,6 +239,7 @@ def solve(
     start: Sequence[SolidState] = (),
     observe: StateObserver | None = None,
     on_state: Callable[[SolidState], None] | None = None,
+    solver: LinearSolver | None = None,
 ) -> SolidSolution:
     """Equilibria along a path of load steps.
 
@@ -240,6 +257,9 @@ def solve(
         Called with ``"iteration"`` (iteration, residual) and ``"halved"`` (load, tension).
     on_state
         Called with each state as soon as it has converged.
+    solver
+        From `linear_solver` of a model on the same mesh with the same supports, to keep its analysis over several
+        calls; by default a new one.
 
     Raises
     ------
@@ -249,7 +269,8 @@ def solve(
     system = model.system
     settings = settings or NewtonSettings()
     wanted = [as_step(s) for s in steps]
-    solver = LinearSolver(system, settings)
+    solver = solver or linear_solver(model, settings)
+    before = solver.counts.copy()
     states: list[SolidState] = []
     halvings = 0
 
@@ -260,7 +281,7 @@ def solve(
             observe(kind, values)
 
     def finished() -> SolidSolution:
-        c = solver.counts
+        c = solver.counts.since(before)
         return SolidSolution(tuple(states), c.factorisations, c.newton, c.cg, solver.name, halvings)
 
     history = [_equilibrium(system, s) for s in start]

@@ -9,13 +9,14 @@ Garcea 2017, in its displacement form). The limit is the same, so convergence is
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fem_biobot.material.law import Array
 from fem_biobot.solid import kernels
 from fem_biobot.solid.linear import Factorisation, NotPositiveDefiniteError, conjugate_gradients, factorisation
+from fem_biobot.solid.pattern import Pattern
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.system import InvertedError, Points, System
 
@@ -52,6 +53,16 @@ class Counts:
     factorisations: int = 0
     cg: int = 0
 
+    def copy(self) -> Counts:
+        """The counts as they stand."""
+        return replace(self)
+
+    def since(self, before: Counts) -> Counts:
+        """What was added since."""
+        return Counts(
+            self.newton - before.newton, self.factorisations - before.factorisations, self.cg - before.cg
+        )
+
 
 @dataclass
 class LinearSolver:
@@ -61,7 +72,7 @@ class LinearSolver:
     later tangents of the step, which differ little from it.
     """
 
-    system: System
+    pattern: Pattern
     settings: NewtonSettings
     counts: Counts = field(default_factory=Counts)
     _factor: Factorisation | None = None
@@ -74,7 +85,7 @@ class LinearSolver:
 
     def _renewable(self) -> Factorisation:
         if self._factor is None:
-            self._factor = factorisation(self.system.pattern)
+            self._factor = factorisation(self.pattern)
         return self._factor
 
     def renew(self) -> None:
@@ -87,7 +98,7 @@ class LinearSolver:
         if self._usable:
             try:
                 x, used, reached = conjugate_gradients(
-                    self.system.pattern, data, b, factor.solve, tolerance=tolerance, max_iterations=self.settings.max_cg
+                    self.pattern, data, b, factor.solve, tolerance=tolerance, max_iterations=self.settings.max_cg
                 )
             except NotPositiveDefiniteError:
                 # the old factor may mislead: let the new one decide

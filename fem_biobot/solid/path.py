@@ -53,7 +53,7 @@ def equilibria(
     scale = 0.0
     rough = replace(settings, tolerance=max(settings.tolerance, _ON_THE_WAY))
     for target in steps:
-        before = Counts(solver.counts.newton, solver.counts.factorisations, solver.counts.cg)
+        before = solver.counts.copy()
         goals = _subdivided(system, history[-1].step, target)
         halvings = 0
         while goals:
@@ -65,17 +65,14 @@ def equilibria(
             except StepFailedError as failure:
                 halvings += 1
                 reached = history[-1].step
-                if halvings > _HALVINGS:
+                if halvings > _HALVINGS or reached == goal:
                     raise PathFailedError(str(failure), reached, target) from None
                 observe("halved", {"load": goal.load, "tension": goal.tension})
                 goals.append(Step(0.5 * (reached.load + goal.load), 0.5 * (reached.tension + goal.tension)))
                 continue
             goals.pop()
             history = [*history[-2:], state]
-        now = solver.counts
-        yield history[-1], Counts(
-            now.newton - before.newton, now.factorisations - before.factorisations, now.cg - before.cg
-        )
+        yield history[-1], solver.counts.since(before)
 
 
 def _subdivided(system: System, here: Step, target: Step) -> list[Step]:

@@ -1,0 +1,125 @@
+"""Stresses of a state at its quadrature points, and how they are carried to elements and places in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem_biobot.material.law import PAIRS, Array, volume_ratio
+from fem_biobot.solid.model import SolidState
+from fem_biobot.solid.space import Ints
+from fem_biobot.solid.system import Points, System
+
+
+def second_piola_stress(points: Points) -> Array:
+    """Second Piola stress in full, (3, 3, e, q) [kPa], symmetric."""
+    S = np.empty((3, 3, *points.psi.shape))
+    for a, (i, j) in enumerate(PAIRS):
+        S[i, j] = S[j, i] = points.S[a]
+    return S
+
+
+def first_piola_stress(points: Points) -> Array:
+    """First Piola stress ``P = F S``, (3, 3, e, q) [kPa]: force per reference area."""
+    return np.einsum("im...,mk...->ik...", points.F, second_piola_stress(points))
+
+
+def cauchy_stress(points: Points) -> Array:
+    """Cauchy stress ``P F^T / J``, (3, 3, e, q) [kPa], symmetric: force per current area."""
+    return np.einsum("ik...,jk...->ij...", first_piola_stress(points), points.F) / volume_ratio(points.F)
+
+
+def von_mises(sigma: Array) -> Array:
+    """Von Mises equivalent of a Cauchy stress (3, 3, ...) [kPa], (...) [kPa]."""
+    trace = np.einsum("ii...->...", sigma)
+    square = np.einsum("ij...,ij...->...", sigma, sigma)
+    return np.sqrt(np.maximum(1.5 * (square - trace**2 / 3.0), 0.0))
+
+
+def fibre_stress(state: SolidState, sigma: Array) -> Array:
+    """Cauchy stress along the current fibre, ``a . sigma a``, (e, q) [kPa]; not a number where there are no fibres.
+
+    Passive and active part together: what the tissue carries along its fibres.
+    """
+    out = np.full(sigma.shape[2:], np.nan)
+    for c in state.model.system.contractions:
+        a = np.einsum("ik...,k...->i...", state.F[:, :, c.elements], c.a0[:, c.elements])
+        a /= np.sqrt(np.einsum("i...,i...->...", a, a))
+        out[c.elements] = np.einsum("i...,ij...,j...->...", a, sigma[:, :, c.elements], a)
+    return out
+
+
+def element_mean(system: System, values: Array) -> Array:
+    """Volume mean over each element of a field at the quadrature points, (..., e, q) to (..., e)."""
+    dV = system.space.dV
+    return np.einsum("...eq,eq->...e", values, dV) / dV.sum(axis=1)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A cloud of reference positions located in a mesh once, to average fields over it again and again.
+
+    Attributes
+    ----------
+    elements
+        Element of each position, (k,).
+    slopes
+        Gradients of the element's basis there, (b, 3, k) [1/mm].
+    """
+
+    elements: Ints
+    slopes: Array
+
+    def deformation_gradient(self, state: SolidState) -> Array:
+        """``F`` at the positions, (3, 3, k) [1]."""
+        u = state.u[:, state.model.system.space.nodes[:, self.elements]]
+        return np.eye(3)[:, :, None] + np.einsum("ibk,bdk->idk", u, self.slopes)
+
+    def cauchy_stress(self, state: SolidState) -> Array:
+        """Cauchy stress of the elements' own laws at the positions, (3, 3, k) [kPa]."""
+        system = state.model.system
+        F = self.deformation_gradient(state)
+        P = np.zeros_like(F)
+        for law, elements in system.laws:
+            mine = np.isin(self.elements, elements)
+            if mine.any():
+                P[:, :, mine] += law.stress(F[:, :, mine])
+        for c in system.contractions:
+            mine = np.isin(self.elements, c.elements)
+            if mine.any():
+                a0 = c.a0[:, self.elements[mine], 0]
+                a = np.einsum("ik...,k...->i...", F[:, :, mine], a0)
+                a /= np.sqrt(np.einsum("i...,i...->...", a, a))
+                T = state.step.tension * c.tension[self.elements[mine], 0]
+                P[:, :, mine] += T * np.einsum("i...,k...->ik...", a, a0)
+        return np.einsum("ikn,jkn->ijn", P, F) / volume_ratio(F)
+
+
+def probe(system: System, X: Array) -> Probe:
+    """Locate positions (3, k) [mm]; those outside the body are left out."""
+    space = system.space
+    corners = space.points[:, space.nodes[:4]]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = 1e-9 * np.ptp(space.points, axis=1).max()
+    near = np.flatnonzero(np.all((low <= X.max(axis=1)[:, None] + margin) & (high >= X.min(axis=1)[:, None] - margin), axis=0))
+    found = np.full(X.shape[1], -1)
+    best = np.full(X.shape[1], -np.inf)
+    for e in near:
+        local = space.to_reference[:, :, e] @ (X - corners[:, 0, e][:, None])
+        inside = np.minimum(local.min(axis=0), 1.0 - local.sum(axis=0))
+        better = inside > best
+        best[better] = inside[better]
+        found[better] = e
+    kept = best > -1e-9
+    elements = found[kept]
+    xi = np.einsum("ijk,jk->ik", space.to_reference[:, :, elements], X[:, kept] - corners[:, 0, elements])
+    slopes = np.stack([np.broadcast_to(space.shape.lbasis(xi, b)[1], xi.shape) for b in range(len(space.nodes))])
+    return Probe(elements, np.einsum("bjk,jik->bik", slopes, space.to_reference[:, :, elements]))
+
+
+def ball(centre: Array, radius: float, across: int = 20) -> Array:
+    """Evenly spaced positions in a ball, (3, k) [mm]; independent of any mesh."""
+    ticks = (np.arange(across) + 0.5) / across * 2.0 - 1.0
+    grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij")).reshape(3, -1)
+    return centre[:, None] + radius * grid[:, np.einsum("ik,ik->k", grid, grid) <= 1.0]

@@ -1,0 +1,107 @@
+"""Internal force and tangent of the solid as scikit-fem forms: slow, short, and written in the first Piola stress.
+
+The package works with packed second Piola quantities in compiled loops; here ``P`` and ``dP/dF`` are differentiated
+directly and scikit-fem assembles, with node numbers of its own that are matched by position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Material data at every point, one value an element: Lame's constants and tension (e,), fibres (3, e)."""
+
+    mu: Array
+    lmbda: Array
+    tension: Array
+    a0: Array
+
+
+class FormOracle:
+    """The forms on P2 (or P1) tetrahedra of a mesh; vectors are (n, 3) in the node order of `points`."""
+
+    def __init__(self, points: Array, cells: NDArray[np.int64], nodes: Array, *, linear: bool = False, degree: int = 2):
+        mesh = skfem.MeshTet(points, cells)
+        shape = skfem.ElementTetP1() if linear else skfem.ElementTetP2()
+        self.basis = skfem.Basis(mesh, skfem.ElementVector(shape), intorder=degree)
+        # order[3 node + component] is scikit-fem's number of that unknown
+        where = self.basis.doflocs  # (3, dofs)
+        first = self.basis.nodal_dofs[0].tolist() + ([] if linear else self.basis.edge_dofs[0].tolist())
+        distance, place = cKDTree(where[:, first].T).query(nodes.T)
+        assert distance.max() < 1e-9 * np.ptp(points)
+        self.order = (np.array(first)[place][:, None] + np.arange(3)).ravel()
+        element_order = np.concatenate([mesh.p[:, mesh.t].mean(axis=1).T])
+        _, self.elements = cKDTree(points[:, cells].mean(axis=1).T).query(element_order)
+
+    def _expand(self, fields: Fields) -> Mapping[str, Array]:
+        shape = (self.basis.nelems, self.basis.X.shape[-1])
+        e = self.elements
+
+        def spread(values: Array) -> Array:
+            return np.broadcast_to(values[..., e][..., None], (*values.shape[:-1], *shape)).copy()
+
+        return {
+            "mu": spread(fields.mu),
+            "lmbda": spread(fields.lmbda),
+            "T": spread(fields.tension),
+            "a0": spread(fields.a0),
+        }
+
+    def _displacement(self, u: Array) -> skfem.DiscreteField:
+        mine = np.zeros(self.basis.N)
+        mine[self.order] = u.ravel()
+        return self.basis.interpolate(mine)
+
+    def internal_force(self, u: Array, fields: Fields) -> Array:
+        """``int P : grad v``, (n, 3)."""
+        found = _force.assemble(self.basis, u=self._displacement(u), **self._expand(fields))
+        return found[self.order].reshape(-1, 3)
+
+    def tangent(self, u: Array, fields: Fields) -> sparse.csr_matrix:
+        """``int grad v : dP/dF : grad du``, in the caller's order of unknowns."""
+        found = _tangent.assemble(self.basis, u=self._displacement(u), **self._expand(fields))
+        return sparse.csr_matrix(found)[self.order][:, self.order]
+
+
+def _kinematics(u: skfem.DiscreteField) -> tuple[Array, Array, Array]:
+    """``F``, its inverse and ``ln J``, by cofactors."""
+    F = u.grad + np.eye(3)[:, :, None, None]
+    cofactor = np.stack([np.cross(F[(i + 1) % 3], F[(i + 2) % 3], axis=0) for i in range(3)])
+    J = np.einsum("k...,k...->...", F[0], cofactor[0])
+    return F, cofactor.swapaxes(0, 1) / J, np.log(J)
+
+
+@skfem.LinearForm
+def _force(v, w):  # noqa: ANN001, ANN202
+    F, G, ln_J = _kinematics(w.u)
+    a = np.einsum("ik...,k...->i...", F, w.a0)
+    s = np.sqrt(np.einsum("i...,i...->...", a, a))
+    P = w.mu * F + (w.lmbda * ln_J - w.mu) * G.swapaxes(0, 1) + w.T / s * np.einsum("i...,k...->ik...", a, w.a0)
+    return np.einsum("ik...,ik...->...", P, v.grad)
+
+
+@skfem.BilinearForm
+def _tangent(du, v, w):  # noqa: ANN001, ANN202
+    F, G, ln_J = _kinematics(w.u)
+    a = np.einsum("ik...,k...->i...", F, w.a0)
+    s = np.sqrt(np.einsum("i...,i...->...", a, a))
+    H = du.grad
+    # d(F^-T) = -F^-T H^T F^-T,  d ln J = tr(F^-1 H)
+    GHG = np.einsum("ki...,lk...,jl...->ij...", G, H, G)
+    dP = w.mu * H + (w.mu - w.lmbda * ln_J) * GHG
+    dP = dP + w.lmbda * np.einsum("ki...,ik...->...", G, H) * G.swapaxes(0, 1)
+    da = np.einsum("ik...,k...->i...", H, w.a0)
+    across = da - a * np.einsum("i...,i...->...", a, da) / s**2
+    dP = dP + w.T / s * np.einsum("i...,k...->ik...", across, w.a0)
+    return np.einsum("ik...,ik...->...", dP, v.grad)

@@ -107,13 +107,14 @@ def test_values_are_coloured_by_the_bar_and_stop_at_its_ends() -> None:
 
 
 def test_lines_show_before_surfaces_and_hide_behind_them() -> None:
-    """Catches: hidden lines drawn through the body, lines lost on the surface they lie on."""
+    """Catches: hidden lines drawn through the body, lines lost on the surface they lie on or behind a veil."""
     wall = Layer(upright(0.0, 2.0, 0.0, 2.0), SQUARE, colour="#ffffff", lit=False)
     ends = np.array([[0.2, 3.8, 0.2, 3.8], [1.0, 1.0, 0.0, 0.0], [0.5, 0.5, 1.5, 1.5]])
     lines = Layer(ends, edges=np.array([[0, 2], [1, 3]]), edge_colour="#000000", edge_width=3.0)
-    image = raster.render(front([wall, lines]))[:, :, 0]
+    veil = Layer(upright(2.0, 4.0, 0.0, 2.0), SQUARE, colour="#ffffff", opacity=0.5, lit=False)
+    image = raster.render(front([wall, veil, lines]))[:, :, 0]
     assert image[37, 25] == 255  # z = 0.5, behind the wall
-    assert image[37, 75] == 0  # z = 0.5, beside it
+    assert image[37, 75] == 0  # z = 0.5, beside it, behind the veil
     assert image[12, 25] == 0  # z = 1.5, on it
 
 
@@ -136,6 +137,12 @@ def test_panels_share_one_scale_and_everything_is_in_the_window() -> None:
     left, right, bottom, top = layout.frames[1].view.window
     assert left < -3.0 < 4.0 < right
     assert bottom < 0.0 < 2.0 < top
+    strip = Layer(upright(0.0, 1.0, 0.0, 0.1), SQUARE)
+    flat = lay_out(Picture("q", "", [Panel([strip], "front")], Bar("x", (0.0, 1.0))))  # taller than its content
+    view = flat.frames[0].view
+    assert view.half_height > 0.1
+    assert flat.mm_per_pixel == pytest.approx(2.0 * view.half_height / view.pixels[1])
+    assert view.window[0] < 0.0 < 1.0 < view.window[1]
     boxes = [(f.left, f.bottom, f.left + f.view.pixels[0], f.bottom + f.view.pixels[1]) for f in layout.frames]
     for i, a in enumerate(boxes):
         assert 0 <= a[0] < a[2] <= layout.width
@@ -202,6 +209,17 @@ def test_a_failure_is_remembered_and_the_child_not_asked_again(tmp_path: Path, c
     assert second.note == first.note
     assert renderer_status() == ("matplotlib", first.note)
     assert (tmp_path / "runs").read_text() == "x"
+
+
+def test_vtk_is_tried_without_the_display_first_and_with_it_after(
+    tmp_path: Path, child: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Catches: VTK complaining about an X server that is not there; a desktop that can draw only through its server."""
+    monkeypatch.setenv("DISPLAY", ":93")
+    log = str(tmp_path / "log")
+    child(f"import os; open({log!r}, 'a').write(os.environ.get('DISPLAY', 'none') + ' '); raise SystemExit(1)")
+    assert renderer_status()[0] == "matplotlib"
+    assert Path(log).read_text() == "none :93 "
 
 
 BLANK = """

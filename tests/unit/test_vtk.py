@@ -180,6 +180,11 @@ def test_the_surface_is_the_box(nodes: int) -> None:
     assert np.linalg.norm(area, axis=0).sum() == pytest.approx(exact, rel=1e-12)
     volume = (area * points[:, triangles].mean(axis=1)).sum() / 3.0  # divergence theorem
     assert volume == pytest.approx(3.0, rel=1e-12)
+    # closed: each edge is passed once in each direction, so quarters of one facet and of neighbours fit together
+    edges = np.hstack([triangles[[0, 1]], triangles[[1, 2]], triangles[[2, 0]]])
+    there, back = ({(int(a), int(b)) for a, b in pair.T} for pair in (edges, edges[::-1]))
+    assert there == back
+    assert len(there) == edges.shape[1]
     half = boundary_surface(cells[:nodes][:, region == 1])
     assert np.linalg.norm(area_vectors(points, half), axis=0).sum() == pytest.approx(8.0, rel=1e-12)
 

@@ -21,7 +21,10 @@ def box(counts: tuple[int, int, int] = (5, 4, 6)) -> tuple[np.ndarray, np.ndarra
     mesh = skfem.MeshTet.init_tensor(*(np.linspace(0.0, size, n) for size, n in zip(BOX, counts, strict=True)))
     corner = mesh.p[:, mesh.t]
     volume = np.linalg.det((corner[:, 1:] - corner[:, :1]).transpose(2, 0, 1))
-    mesh = skfem.MeshTet(mesh.p, np.where(volume > 0, mesh.t, mesh.t[[1, 0, 2, 3]]))
+    corners = np.where(volume > 0, mesh.t, mesh.t[[1, 0, 2, 3]])
+    # turned in place, so that each of an element's four facets comes to lie on the surface somewhere
+    turns = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0], [1, 2, 0, 3]])
+    mesh = skfem.MeshTet(mesh.p, np.take_along_axis(corners, turns[np.arange(corners.shape[1]) % 5].T, axis=0))
     basis = skfem.Basis(mesh, skfem.ElementTetP2(), intorder=1)
     cells = basis.element_dofs
     return basis.doflocs, cells, (basis.doflocs[0, cells[:4]].mean(axis=0) > 1.0).astype(np.int64)

@@ -15,7 +15,7 @@ from fem_biobot.mesh.geometry import build_mesh
 
 # preset to the general element sizes [mm] of its meshes; medium is the size of the preset
 SIZES = {
-    "junction_bot": {"small": 2.0, "medium": 0.85, "fine": 0.55},
+    "junction_bot": {"small": 2.0, "medium": 0.9, "fine": 0.55},
     "ring_bot": {"small": 1.0, "medium": 0.5},
     "strip": {"small": 0.8, "medium": 0.4},
     "cantilever": {"small": 1.4, "medium": 0.7},

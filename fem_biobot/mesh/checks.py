@@ -93,7 +93,8 @@ def _shapes(points: Array, cells: Ints) -> None:
     bad = np.flatnonzero(~(np.abs(points) < FAR).all(axis=0))
     if bad.size:
         raise MeshError(
-            f"{bad.size} vertices have a coordinate that is not finite or beyond {FAR:g} mm, the first is vertex {bad[0]}"
+            f"{bad.size} vertices have a coordinate that is not finite or beyond {FAR:g} mm, the first is vertex "
+            f"{bad[0]}"
         )
 
 

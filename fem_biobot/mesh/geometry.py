@@ -203,7 +203,10 @@ def _solids(occ: Any, plan: Layout) -> dict[str, list[int]]:
     sections = [(2, _section(occ, plan.muscle, x)) for x in plan.cuts]
     if plan.beam:
         sections += [(2, _section(occ, (plan.beam,), x)) for x in plan.beam_cuts]
-    sections += [(2, _midplane(occ, box)) for box in plan.thin]
+    # fusing made one face of a pillar's side and the beam's: part them again, so that a pillar's face ends at the beam
+    sections += [(2, _level(occ, box, box.high[2])) for box in plan.pillars]
+    # the middle layer gives every mesh two elements across the thin muscle
+    sections += [(2, _level(occ, box, (box.low[2] + box.high[2]) / 2)) for box in plan.thin]
     marks = [(0, occ.addPoint(*position)) for position in plan.landmarks.values()]
     whole = skeleton + muscle
     _, children = occ.fragment(whole, sections + marks)
@@ -213,12 +216,9 @@ def _solids(occ: Any, plan: Layout) -> dict[str, list[int]]:
         if found:
             parts[name] = sorted(found)
     # what of the sections lies outside the muscle is no part of the body
-    solid = {tag for tags in parts.values() for tag in tags}
     loose = {tag for child in children[len(whole) :] for dim, tag in child if dim == 2}
     for tag in sorted(loose):
         occ.remove([(2, tag)], recursive=True)
-    if not solid:
-        raise MeshError("the design has no volume")
     return parts
 
 
@@ -230,10 +230,9 @@ def _section(occ: Any, boxes: tuple[Box, ...], x: float) -> int:
     return _polygon(occ, [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)])
 
 
-def _midplane(occ: Any, box: Box) -> int:
-    """Middle layer of a thin box, so that every mesh has two elements across its thickness."""
-    (x0, y0, z0), (x1, y1, z1) = box.low, box.high
-    z = (z0 + z1) / 2
+def _level(occ: Any, box: Box, z: float) -> int:
+    """Rectangle normal to z at the height `z` of a box."""
+    (x0, y0, _), (x1, y1, _) = box.low, box.high
     return _polygon(occ, [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)])
 
 

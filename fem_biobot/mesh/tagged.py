@@ -185,7 +185,7 @@ def _volumes(raw: msh.Raw, names: dict[str, str]) -> tuple[Ints, dict[str, Ints]
     nodes, where = nodes[:, order], where[order]
     if raw.version[0] == "2":
         # this version repeats an element for each of its groups
-        keys = row_keys(np.searchsorted(np.sort(raw.node_tags), nodes), raw.node_tags.size + 1)
+        keys = row_keys(nodes, int(nodes.max()) + 1)
         nodes, where = _once(keys, nodes, where, labels)
     if np.any(where < 0):
         others = {titles.get(g, f"number {g}, without a name") for b in blocks for g in b.groups if g not in region}

@@ -1,0 +1,136 @@
+"""S8: the same problem turned, renumbered, or in other units.
+
+Problem: two-region block with an oblique fibre, prescribed displacement along oblique axes, a symmetry plane, tractions
+    and a body force; then mesh, fibres, supports and loads turned together by a generic rotation, the mesh renumbered,
+    or lengths and stresses scaled by 10^3.
+Exact answer: the same energies, turned displacements and reactions (principle of objectivity; no numbers involved).
+Measured: strain energy, displacement of all nodes, reactions, fibre stretch.
+Tolerance: 1e-10 of the largest value; rounding through a solve to 1e-13.
+Cannot see: any error that turns with the problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from fem_biobot.material import ActiveStress, NeoHooke
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.solid.model import SolidModel, SolidState, solve
+from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
+from tests.helpers import TIGHT, box_mesh, generator, rotation, turned_about, unit
+
+SIZE = (1.1, 0.8, 1.3)
+SAME = 1e-10
+MESH = box_mesh(2, SIZE, layers=(0.5, 1.0), names=("muscle", "skeleton"))
+OWN_AXES = rotation(5)
+FIBRES = np.stack([unit(0.4, 0.7, 0.5 + 0.01 * k) for k in range(len(MESH.regions["muscle"]))], axis=1)
+PLACES = ("x0", "y0", "z0", "corner_111")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How the problem is looked at: a rotation, an offset, and factors of length and stress."""
+
+    Q: np.ndarray = field(default_factory=lambda: np.eye(3))
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    length: float = 1.0
+    stress: float = 1.0
+
+
+def _equal(found: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=SAME * np.abs(expected).max())
+
+
+def _solved(s: Setting, mesh: BodyMesh = MESH, fibres: np.ndarray = FIBRES) -> SolidState:
+    """The problem as `s` sees it."""
+    Q, L, p = s.Q, s.length, s.stress
+    scaled = BodyMesh(L * mesh.points, mesh.cells, mesh.regions, mesh.surfaces, mesh.landmarks)
+
+    def axes(rows: np.ndarray) -> tuple:
+        return tuple(tuple(float(x) for x in row) for row in rows @ Q.T)
+
+    def seen(value: Callable[[np.ndarray], np.ndarray], factor: float) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda X: factor * Q @ value(Q.T @ (X - np.reshape(s.offset, (3, 1))) / L)
+
+    model = SolidModel(
+        turned_about(scaled, Q, s.offset),
+        {"muscle": NeoHooke(9.1 * p, 0.46), "skeleton": NeoHooke(55.0 * p, 0.4)},
+        {"muscle": ActiveStress(7.0 * p, Q @ fibres)},
+        [
+            Symmetry("x0"),
+            Fix("y0", "yz", axes=axes(np.eye(3))),
+            Fix("z0", "z", seen(lambda X: np.stack([0 * X[0], 0 * X[0], 0.1 * X[0] * X[1]]), L), axes=axes(np.eye(3))),
+            Fix("corner_111", "xz", (0.07 * L, -0.04 * L), axes=axes(OWN_AXES)),
+        ],
+        [
+            Traction("z1", tuple(p * Q @ np.array([1.5, -2.0, 0.7]))),
+            Traction("x1", seen(lambda X: np.stack([X[1], X[2] ** 2, 0.3 * X[0]]), p)),
+            BodyForce(tuple(p / L * Q @ np.array([-0.8, 0.5, 1.1])), "skeleton"),
+        ],
+    )
+    return solve(model, [0.4, 1.0], settings=TIGHT).last
+
+
+@pytest.fixture(scope="module")
+def plain() -> SolidState:
+    """The problem as it is."""
+    return _solved(Setting())
+
+
+@pytest.mark.parametrize("seed", [31, 8])
+def test_a_turned_problem_has_the_turned_answer(plain: SolidState, seed: int) -> None:
+    """Energy is the same; displacements and reactions turn with the problem, wherever it stands.
+
+    Catches: F for C, fibres or support axes left in the global frame, rows for columns of the axes.
+    """
+    Q = rotation(seed)
+    state = _solved(Setting(Q, (3.0, -2.0, 5.0)))
+    assert state.energy == pytest.approx(plain.energy, rel=SAME)
+    _equal(state.u, Q @ plain.u)
+    _equal(state.stretch[MESH.regions["muscle"]], plain.stretch[MESH.regions["muscle"]])
+    for place in PLACES:
+        _equal(state.reaction(place), Q @ plain.reaction(place))
+    assert np.abs(plain.F - np.eye(3)[:, :, None, None]).max() > 0.3
+
+
+def test_a_renumbered_mesh_has_the_same_answer(plain: SolidState) -> None:
+    """Vertices, elements, and the vertices within elements and triangles in any other order change nothing.
+
+    Catches: transposed blocks where the later node has the lower number, midpoints tied to a vertex order.
+    """
+    draw = generator(19)
+    new = draw.permutation(MESH.n_vertices)  # old vertex -> new number
+    order = draw.permutation(MESH.n_elements)  # new element -> old one
+    back = np.argsort(order)
+    points = MESH.points[:, np.argsort(new)]
+    cells = new[MESH.cells[:, order]]
+    even = np.array([[0, 1, 2, 3], [1, 2, 0, 3], [3, 1, 0, 2], [1, 0, 3, 2], [2, 3, 0, 1]])
+    cells = np.take_along_axis(cells, even[draw.integers(0, len(even), MESH.n_elements)].T, axis=0)
+    regions = {name: back[elements] for name, elements in MESH.regions.items()}
+    surfaces = {name: np.roll(new[t], 1, axis=0)[:, ::-1] for name, t in MESH.surfaces.items()}
+    landmarks = {name: int(new[v]) for name, v in MESH.landmarks.items()}
+    mesh = BodyMesh(points, cells, regions, surfaces, landmarks).checked()
+    state = _solved(Setting(), mesh)
+    assert state.energy == pytest.approx(plain.energy, rel=SAME)
+    _equal(state.u[:, new], plain.u[:, : MESH.n_vertices])
+    for place in PLACES:
+        _equal(state.reaction(place), plain.reaction(place))
+
+
+@pytest.mark.parametrize(("length", "stress"), [(1e3, 1e3), (1e-3, 1e-3), (1e3, 1.0), (1.0, 1e-6)])
+def test_other_units_give_the_same_dimensionless_answer(plain: SolidState, length: float, stress: float) -> None:
+    """Lengths in micrometres, stresses in Pa and the like scale the answer and change nothing else, nor the work.
+
+    Catches: any absolute tolerance or threshold.
+    """
+    state = _solved(Setting(length=length, stress=stress))
+    assert state.energy == pytest.approx(plain.energy * stress * length**3, rel=SAME)
+    _equal(state.u / length, plain.u)
+    for place in PLACES:
+        _equal(state.reaction(place) / (stress * length**2), plain.reaction(place))
+    assert abs(state.newton_iterations - plain.newton_iterations) <= 1
+    assert state.factorisations == plain.factorisations

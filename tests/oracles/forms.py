@@ -91,7 +91,7 @@ def _kinematics(u: skfem.DiscreteField) -> tuple[Array, Array, Array]:
 
 
 @skfem.LinearForm
-def _force(v, w):  # noqa: ANN001, ANN202
+def _force(v, w):
     F, G, ln_J = _kinematics(w.u)
     a = np.einsum("ik...,k...->i...", F, w.a0)
     s = np.sqrt(np.einsum("i...,i...->...", a, a))
@@ -100,7 +100,7 @@ def _force(v, w):  # noqa: ANN001, ANN202
 
 
 @skfem.BilinearForm
-def _tangent(du, v, w):  # noqa: ANN001, ANN202
+def _tangent(du, v, w):
     F, G, ln_J = _kinematics(w.u)
     a = np.einsum("ik...,k...->i...", F, w.a0)
     s = np.sqrt(np.einsum("i...,i...->...", a, a))

@@ -18,8 +18,8 @@ from fem_biobot.material import LAWS, ActiveStress
 from fem_biobot.solid.model import SolidModel, solve
 from fem_biobot.solid.records import Fix, Symmetry, Traction
 from tests.helpers import TIGHT, box_mesh, hold_everywhere, unit
-from tests.oracles.layers import two_layers
 from tests.oracles.laws import PRINCIPAL, principal
+from tests.oracles.layers import two_layers
 
 YOUNG, POISSON = 14.2, 0.42
 SIZE = (1.2, 0.9, 1.5)

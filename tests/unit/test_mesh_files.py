@@ -300,6 +300,24 @@ def test_truncated_files_are_refused(gmsh_files, tmp_path: Path, version: float,
         refusal(path, names=NAMES)
 
 
+def test_totals_and_the_end_of_a_file_are_checked(gmsh_files, tmp_path: Path) -> None:
+    """Blocks that do not add up to the announced total, and a rest after the last section, are refused.
+
+    Catches: totals read and forgotten, a cut in the name of a section that follows.
+    """
+    text = gmsh_files(4.1, 0).read_text()
+    for section in ("Nodes", "Elements"):
+        lines = text.splitlines()
+        at = lines.index(f"${section}") + 1
+        blocks, total, *rest = lines[at].split()
+        lines[at] = " ".join([blocks, str(int(total) + 1), *rest])
+        path = tmp_path / "total.msh"
+        path.write_text("\n".join(lines) + "\n")
+        assert f"section ${section}" in refusal(path, names=NAMES)
+    path.write_text(text + "$Perio")
+    assert "truncated" in refusal(path, names=NAMES)
+
+
 def test_damaged_bytes_never_give_a_traceback(gmsh_files, tmp_path: Path) -> None:
     """With single bytes changed a file is read or refused in one line, never anything else.
 

@@ -161,19 +161,21 @@ def test_the_same_design_gives_the_same_arrays(gmsh, preset_name: str) -> None:
     assert not gmsh.isInitialized()
 
 
-def test_a_running_gmsh_is_left_as_it_was(gmsh) -> None:
-    """Models and options of a caller's own session survive, and do not change the mesh.
+def test_a_running_gmsh_is_left_as_it_was(gmsh, capfd: pytest.CaptureFixture[str]) -> None:
+    """Models and options of a caller's own session survive, do not change the mesh, and do not make it talk.
 
     Catches: finalising another's session, its options leaking in either direction.
     """
     design = load_design("strip")
     alone = build_mesh(design, 0.5)
-    gmsh.initialize(["test", "-v", "0"], readConfigFiles=False, interruptible=False)
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         gmsh.model.add("mine")
         gmsh.option.setNumber("Mesh.Algorithm3D", 4)
         gmsh.option.setNumber("Mesh.MeshSizeFactor", 0.3)
+        capfd.readouterr()
         within = build_mesh(design, 0.5)
+        assert capfd.readouterr() == ("", "")
         assert gmsh.isInitialized()
         assert gmsh.model.getCurrent() == "mine"
         assert gmsh.model.list() == ["", "mine"]

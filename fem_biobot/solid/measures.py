@@ -166,6 +166,28 @@ class Measurer:
         inside = self._middle_fifth > 0.0
         return float(np.sum(state.stretch[inside] * self._middle_fifth[inside]) / self._middle_fifth.sum())
 
+    def passive_fibre_stress(self, state: SolidState) -> float:
+        """Volume mean over the junction's middle fifth of the PASSIVE nominal stress along the fibre, ``a . P a0`` [kPa].
+
+        Negative while the tissue is pressed together by its own tension; zero where tissue has remodelled.
+        """
+        system = self.model.system
+        passive = system.points(state.F, 0.0)
+        inside = self._middle_fifth > 0.0
+        F, volumes = state.F[:, :, inside], self._middle_fifth[inside]
+        S = passive.S[:, inside]
+        a0 = sum(c.a0 for c in system.contractions)[:, inside]
+        a = np.einsum("ik...,k...->i...", F, a0)
+        stretch = np.sqrt(np.einsum("i...,i...->...", a, a))
+        # a . P a0 = (F a0 / stretch) . F S a0
+        Sa = np.zeros_like(a0)
+        for b, (i, j) in enumerate(PAIRS):
+            Sa[i] += S[b] * a0[j]
+            if i != j:
+                Sa[j] += S[b] * a0[i]
+        along = np.einsum("i...,ik...,k...->...", a, F, Sa) / stretch
+        return float(along @ volumes / volumes.sum())
+
     @cached_property
     def _ball(self) -> Probe:
         centre = np.array(self.design.landmarks()["corner_short"])

@@ -237,6 +237,7 @@ def solve(
     *,
     settings: NewtonSettings | None = None,
     start: Sequence[SolidState] = (),
+    trial: tuple[Array, Array | None] | None = None,
     observe: StateObserver | None = None,
     on_state: Callable[[SolidState], None] | None = None,
     solver: LinearSolver | None = None,
@@ -253,6 +254,9 @@ def solve(
     start
         States of the same model to go on from, latest last (up to three serve the predictor); by default the
         undeformed body.
+    trial
+        Displacement (3, n) [mm] and, if known, point stress (6, e, q) [kPa] from which the first step begins, without
+        predictor or subdivision; for paths in a parameter of one's own.
     observe
         Called with ``"iteration"`` (iteration, residual) and ``"halved"`` (load, tension).
     on_state
@@ -285,8 +289,9 @@ def solve(
         return SolidSolution(tuple(states), c.factorisations, c.newton, c.cg, solver.name, halvings)
 
     history = [_equilibrium(system, s) for s in start]
+    first = None if trial is None else (np.ascontiguousarray(trial[0].T), trial[1])
     try:
-        for state, work in equilibria(system, solver, wanted, settings, watch, history):
+        for state, work in equilibria(system, solver, wanted, settings, watch, history, first):
             states.append(_state(model, state, work))
             if on_state:
                 on_state(states[-1])

@@ -41,6 +41,7 @@ def equilibria(
     settings: NewtonSettings,
     observe: Observer,
     start: list[Equilibrium] | None = None,
+    trial: tuple[Array, Array | None] | None = None,
 ) -> Iterator[tuple[Equilibrium, Counts]]:
     """Yield the equilibrium of every step asked for, with the work it took (intermediate steps included).
 
@@ -48,30 +49,34 @@ def equilibria(
     ----------
     start
         States to go on from, latest last; by default the undeformed body without load.
+    trial
+        Displacement (n, 3) [mm] and point stress from which the first step begins; that step is neither subdivided nor
+        halved.
     """
     history = list(start) if start else [_rest(system)]
     scale = 0.0
     rough = replace(settings, tolerance=max(settings.tolerance, _ON_THE_WAY))
     for target in steps:
         before = solver.counts.copy()
-        goals = _subdivided(system, history[-1].step, target)
+        goals = [target] if trial else _subdivided(system, history[-1].step, target)
         halvings = 0
         while goals:
             goal = goals[-1]
             try:
-                u, S = _predict(system, history, goal)
+                u, S = trial or _predict(system, history, goal)
                 exact = settings if len(goals) == 1 else rough
                 state, scale = newton(system, solver, goal, u, S, scale, exact, observe)
             except StepFailedError as failure:
                 halvings += 1
                 reached = history[-1].step
-                if halvings > _HALVINGS or reached == goal:
+                if halvings > _HALVINGS or reached == goal or trial:
                     raise PathFailedError(str(failure), reached, target) from None
                 observe("halved", {"load": goal.load, "tension": goal.tension})
                 goals.append(Step(0.5 * (reached.load + goal.load), 0.5 * (reached.tension + goal.tension)))
                 continue
             goals.pop()
             history = [*history[-2:], state]
+            trial = None
         yield history[-1], solver.counts.since(before)
 
 

@@ -62,7 +62,7 @@ def touching_parts(mesh: BodyMesh, u: Array) -> str:
     if not vertices.size:
         return ""
     names = list(mesh.regions)
-    region_of = mesh.region_of
+    region_of = mesh.region_of()
     belongs = np.zeros(mesh.points.shape[1], dtype=np.int64)
     for k in range(len(names)):
         belongs[mesh.cells[:, region_of == k]] = k

@@ -1,0 +1,157 @@
+"""The folder of a result: whose it is, whether it is whole, and the states saved while it is not.
+
+`summary.json` appears last and marks a whole result. Until then `.unfinished/` holds what the job was and each state
+solved so far, and is what a later run goes on from.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fem_biobot.errors import FileError
+from fem_biobot.files import file_error, replacing, write_json
+from fem_biobot.solid.records import Step
+from fem_biobot.study.plan import Found
+
+SUMMARY = "summary.json"
+_UNFINISHED = ".unfinished"
+_JOB = "job.json"
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A state read back."""
+
+    u: np.ndarray
+    step: Step
+    natural_stretch: float
+    work: dict[str, float]
+
+
+@dataclass(frozen=True)
+class ResultFolder:
+    """A folder that holds, or will hold, the result of one job.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    job
+        What identifies the result: design digest, mesh, kind of job. Equal jobs give equal results.
+    """
+
+    path: Path
+    job: dict[str, str]
+
+    @property
+    def unfinished(self) -> Path:
+        """Where states are kept until the result is whole."""
+        return self.path / _UNFINISHED
+
+    def whole_result(self) -> dict[str, Any] | None:
+        """Summary of this very job's whole result, or None; refuses a folder that holds something else.
+
+        Raises
+        ------
+        FileError
+            The folder holds another design's result, or files that are no result at all.
+        """
+        if not self.path.exists():
+            return None
+        if not self.path.is_dir():
+            raise FileError(f"{self.path}: found a file, expected a folder for the result")
+        holds = self._held_job()
+        if holds is None:
+            if any(self.path.iterdir()):
+                raise FileError(
+                    f"{self.path}: found files that are no result of this program, expected an empty or new folder; give another --out"
+                )
+            return None
+        if holds.get("design_digest") != self.job["design_digest"]:
+            raise FileError(
+                f"{self.path}: found the result of another design (digest {holds.get('design_digest')}), expected this one's "
+                f"({self.job['design_digest']}) or an empty folder; give another --out, or --force to redo it here"
+            )
+        if holds.get("mesh") != self.job["mesh"]:
+            raise FileError(
+                f"{self.path}: found this design's result on another mesh ({holds.get('mesh')}), expected {self.job['mesh']}; "
+                "give another --out, or --force to redo it here"
+            )
+        summary = self._read(self.path / SUMMARY)
+        same = summary is not None and summary.get("complete") and summary.get("job") == self.job
+        return summary if same else None
+
+    def clear(self) -> None:
+        """Forget the result that is here; refuses a folder that is not ours."""
+        if self.path.is_dir() and any(self.path.iterdir()) and self._held_job() is None:
+            raise FileError(f"{self.path}: found files that are no result of this program, so --force leaves them; give another --out")
+        try:
+            (self.path / SUMMARY).unlink(missing_ok=True)
+            shutil.rmtree(self.unfinished, ignore_errors=True)
+        except OSError as error:
+            raise file_error(error, self.path) from None
+
+    def open(self) -> None:
+        """Make the folder and mark it as this job's, keeping the states of an earlier try of the same job."""
+        try:
+            self.unfinished.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise file_error(error, self.path) from None
+        if self._read(self.unfinished / _JOB) != self.job:
+            for old in self.unfinished.glob("*.npz"):
+                old.unlink()
+        (self.path / SUMMARY).unlink(missing_ok=True)
+        write_json(self.unfinished / _JOB, self.job)
+
+    def close(self, summary: dict[str, Any]) -> None:
+        """Write the summary of a whole result and drop what was kept for going on."""
+        write_json(self.path / SUMMARY, summary)
+        shutil.rmtree(self.unfinished, ignore_errors=True)
+
+    def save(self, found: Found) -> None:
+        """Keep a state for a later run to go on from."""
+        s = found.state
+        with replacing(self.unfinished / f"{found.wanted.key}.npz") as temporary:
+            np.savez(
+                temporary,
+                u=s.u,
+                step=[s.step.load, s.step.tension],
+                natural_stretch=found.natural_stretch,
+                work=[s.residual, s.newton_iterations, s.factorisations, s.cg_iterations],
+            )
+
+    def saved(self, key: str) -> Saved | None:
+        """A state kept by an earlier try, or None."""
+        file = self.unfinished / f"{key}.npz"
+        if not file.exists():
+            return None
+        try:
+            with np.load(file) as data:
+                load, tension = (float(x) for x in data["step"])
+                work = dict(zip(("residual", "newton", "factorisations", "cg"), map(float, data["work"]), strict=True))
+                return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work)
+        except (OSError, ValueError, KeyError) as error:
+            raise FileError(f"{file}: cannot be read ({error}), expected a saved state; --force starts anew") from None
+
+    def _held_job(self) -> dict[str, str] | None:
+        """The job whose result or beginning is here, None if the folder is not ours."""
+        job = self._read(self.unfinished / _JOB)
+        if job is not None:
+            return job
+        summary = self._read(self.path / SUMMARY)
+        return summary.get("job") if summary is not None and "design_digest" in summary else None
+
+    @staticmethod
+    def _read(file: Path) -> dict[str, Any] | None:
+        try:
+            return json.loads(file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            raise FileError(f"{file}: cannot be read ({error}), expected a whole JSON file; give another --out") from None

@@ -1,0 +1,256 @@
+"""Which states a job solves for, and the solving of each: the passive path, the stroke, tissue moulded and remodelled.
+
+States are solved in order and handed on one by one, so that a job can save each and go on from what it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fem_biobot.design import Design
+from fem_biobot.errors import SolveError
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.solid.from_design import remodelled, tension_step, tension_unit
+from fem_biobot.solid.measures import Measurer
+from fem_biobot.solid.model import SolidModel, SolidState, linear_solver, solve
+from fem_biobot.solid.newton import NewtonSettings
+from fem_biobot.solid.records import Step
+from fem_biobot.study.paper import SIMULATED_FORCE_TO_DEFLECTION
+from fem_biobot.study.reporter import Reporter
+
+# relative accuracy at which a state with a wanted muscle force is met
+_FORCE_TOLERANCE = 1e-4
+# passive stress along the fibres that remodelled tissue may keep, as a share of its tension
+_STRESS_TOLERANCE = 2e-3
+# first and longest step of the logarithm of the natural stretch on the way to it
+_FIRST_LN_STRETCH, _LONGEST_LN_STRETCH = 0.08, 0.25
+# residual at which a trial of a natural stretch is accepted
+_TRIAL_TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A state asked for.
+
+    Attributes
+    ----------
+    key, label
+        Short word for files, and what the reader is told.
+    reference
+        ``as_moulded`` or ``remodelled``.
+    tension
+        Nominal tension [kPa]; None where `force` decides.
+    force
+        Muscle force to be met by tuning the tension [mN]; None where `tension` decides.
+    load
+        Factor on the design's load.
+    """
+
+    key: str
+    label: str
+    reference: str = "as_moulded"
+    tension: float | None = 0.0
+    force: float | None = None
+    load: float = 1.0
+
+
+@dataclass(frozen=True)
+class Found:
+    """A state that was asked for, and solved."""
+
+    wanted: Wanted
+    state: SolidState
+    natural_stretch: float = 1.0
+
+
+def wanted_states(design: Design) -> list[Wanted]:
+    """The states of a design's main job, in the order in which they are solved."""
+    if design.kind == "cantilever":
+        return [Wanted(f"load_{k}", f"{k / 4:.0%} of the load", load=k / 4) for k in range(5)]
+    rest, passive, peak = 0.0, design.tension(0.0), design.tension(design.drive.amplitude)
+    half = 0.5 * (passive + peak)
+    if design.kind == "strip":
+        path = [(f"path_{k}", k / 4 * passive) for k in (1, 2, 3)]
+        return [
+            Wanted("rest", "at rest", tension=rest),
+            *(Wanted(key, f"{t:.3g} kPa", tension=t) for key, t in path),
+            Wanted("passive", f"passive, {passive:.4g} kPa", tension=passive),
+            Wanted("peak", f"stimulated, {peak:.4g} kPa", tension=peak),
+        ]
+    if design.muscle is not None and design.muscle.layout == "ring":
+        forces = []
+    else:
+        forces = [
+            Wanted(f"force_{force:g}".replace(".", "p"), f"{force:g} mN of muscle force", tension=None, force=force)
+            for force, _ in SIMULATED_FORCE_TO_DEFLECTION
+        ]
+    return [
+        Wanted("rest", "at rest", tension=rest),
+        *forces,
+        *(Wanted(f"path_{k}", f"{k / 9 * passive:.3g} kPa", tension=k / 9 * passive) for k in (5, 7)),
+        Wanted("passive", f"passive, {passive:.4g} kPa", tension=passive),
+        Wanted("half", f"half drive, {half:.4g} kPa", tension=half),
+        Wanted("peak", f"stimulated, {peak:.4g} kPa", tension=peak),
+        Wanted("remodelled_passive", f"remodelled, passive, {passive:.4g} kPa", "remodelled", passive),
+        Wanted("remodelled_peak", f"remodelled, stimulated, {peak:.4g} kPa", "remodelled", peak),
+    ]
+
+
+@dataclass
+class Solver:
+    """Solves wanted states one after the other on one mesh.
+
+    Attributes
+    ----------
+    history
+        The latest states of the present reference, for the predictor.
+    seen
+        Tension and muscle force of all moulded states solved, for meeting a force.
+    """
+
+    design: Design
+    mesh: BodyMesh
+    reporter: Reporter
+    history: list[SolidState] = field(default_factory=list)
+    seen: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
+    natural_stretch: float = 1.0
+
+    def __post_init__(self) -> None:
+        self.settings = NewtonSettings(tolerance=self.design.numerics.tolerance)
+        self.model = SolidModel.from_design(self.design, self.mesh)
+        self.moulded = self.model
+        self.measurer = Measurer(self.design, self.model)
+        self.solver = linear_solver(self.model, self.settings)
+
+    def adopt(self, found: Found) -> None:
+        """Take a state that was solved before (its model must be this solver's) as the latest."""
+        self._remember(found.state)
+        self.natural_stretch = found.natural_stretch
+
+    def restore(self, wanted: Wanted, u: np.ndarray, step: Step, natural_stretch: float, work: dict[str, float]) -> Found:
+        """Rebuild a saved state on this solver's models."""
+        if wanted.reference == "remodelled" and self.natural_stretch != natural_stretch:
+            self.model = remodelled(self.moulded, self.design, natural_stretch)
+            self.history = []
+        state = SolidState(
+            self.model, step, u, work["residual"], int(work["newton"]), int(work["factorisations"]), int(work["cg"])
+        )
+        found = Found(wanted, state, natural_stretch)
+        self.adopt(found)
+        return found
+
+    def solve(self, wanted: Wanted) -> Found:
+        """The wanted state; raises `SolveError` where there is none."""
+        if wanted.reference == "remodelled" and self.model is self.moulded:
+            state = self._remodel(wanted)
+        elif wanted.force is not None:
+            state = self._meet_force(wanted.force)
+        else:
+            assert wanted.tension is not None
+            state = self._go(self._step(wanted.tension, wanted.load), self.history[-3:])
+        self._remember(state)
+        return Found(wanted, state, self.natural_stretch)
+
+    def _step(self, tension: float, load: float = 1.0) -> Step:
+        return replace(tension_step(self.design, tension), load=load)
+
+    def _go(
+        self,
+        step: Step,
+        start: Sequence[SolidState],
+        settings: NewtonSettings | None = None,
+        trial: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> SolidState:
+        settings = settings or self.settings
+        return solve(
+            self.model, [step], settings=settings, start=start, trial=trial, observe=self._observe, solver=self.solver
+        ).last
+
+    def _observe(self, kind: str, values: dict[str, float]) -> None:
+        if kind == "iteration":
+            self.reporter.iteration(int(values["iteration"]), values["residual"])
+
+    def _remember(self, state: SolidState) -> None:
+        if not self.history or self.history[-1].step != state.step:
+            self.history = [*self.history[-2:], state]
+        if self.design.muscle is not None and state.model is self.moulded:
+            self.seen.append((state.step.tension * tension_unit(self.design), self.measurer.muscle_force(state)))
+
+    def _meet_force(self, force: float) -> SolidState:
+        """State with a given muscle force, by interpolating the tension; work of all trials is counted in it."""
+        work = np.zeros(3, dtype=int)
+        for _ in range(8):
+            state = self._go(self._step(self._tension_guess(force)), self.history[-3:])
+            work += (state.newton_iterations, state.factorisations, state.cg_iterations)
+            self._remember(state)
+            if abs(self.seen[-1][1] - force) <= _FORCE_TOLERANCE * force:
+                return replace(
+                    state, newton_iterations=int(work[0]), factorisations=int(work[1]), cg_iterations=int(work[2])
+                )
+        raise SolveError(f"muscle force of {force:g} mN: not met in 8 tensions, the last gave {self.seen[-1][1]:.4g} mN")
+
+    def _tension_guess(self, force: float) -> float:
+        """Tension at which the force is expected: through the three states nearest in force."""
+        points = sorted({(round(f, 12), t) for t, f in self.seen})
+        if len(points) == 1:
+            # a first guess: passive resistance takes about a third of the tension
+            return 1.5 * force / self.design.junction_section
+        nearest = sorted(points, key=lambda p: abs(p[0] - force))[:3]
+        f, t = np.array(nearest).T
+        weights = [np.prod([(force - f[j]) / (f[i] - f[j]) for j in range(len(f)) if j != i]) for i in range(len(f))]
+        return float(np.clip(weights @ t, 0.2 * force / self.design.junction_section, 2.0 * max(t.max(), 1e-9)))
+
+    def _remodel(self, wanted: Wanted) -> SolidState:
+        """Passive state of tissue that is free of passive stress along its fibres in that very state.
+
+        The natural stretch s of the junction is led down from 1 in steps of ln s, each predicted from the last states,
+        until the secant of the passive stress over ln s ends at zero.
+        """
+        assert wanted.tension is not None
+        step = self._step(wanted.tension)
+        before = self.solver.counts.copy()
+        state = self._go(step, self.history[-3:])  # the moulded state at this tension
+        path = [(0.0, state, self.measurer.passive_fibre_stress(state))]
+        longest = _FIRST_LN_STRETCH
+        rough = replace(self.settings, tolerance=max(self.settings.tolerance, _TRIAL_TOLERANCE))
+        for _ in range(40):
+            ln_s, state, stress = path[-1]
+            if abs(stress) <= _STRESS_TOLERANCE * wanted.tension:
+                break
+            ahead = -longest
+            if len(path) > 1:
+                ahead = float(np.clip(-stress * (ln_s - path[-2][0]) / (stress - path[-2][2]), -longest, longest))
+            self.model = remodelled(self.moulded, self.design, np.exp(ln_s + ahead))
+            try:
+                state = self._go(step, [], rough, trial=_extrapolated(path, ln_s + ahead))
+            except SolveError:
+                longest *= 0.4
+                if longest < 1e-3:
+                    raise
+                continue
+            longest = min(1.6 * longest, _LONGEST_LN_STRETCH)
+            stress = Measurer(self.design, self.model).passive_fibre_stress(state)
+            path = [*path[-2:], (ln_s + ahead, state, stress)]
+        else:
+            raise SolveError(f"remodelled tissue: no natural stretch found in 40 trials, the last left {stress:.2g} kPa")
+        ln_s, state, _ = path[-1]
+        self.natural_stretch = float(np.exp(ln_s))
+        self.model = state.model
+        state = self._go(step, [], trial=(state.u, state.points.S))
+        work = self.solver.counts.since(before)
+        self.history = []
+        return replace(state, newton_iterations=work.newton, factorisations=work.factorisations, cg_iterations=work.cg)
+
+
+def _extrapolated(path: Sequence[tuple[float, SolidState, float]], target: float) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and point stress at a parameter, by the polynomial through the last states."""
+    at = [entry[0] for entry in path]
+    u, S = np.zeros_like(path[-1][1].u), np.zeros_like(path[-1][1].points.S)
+    for i, (here, state, _) in enumerate(path):
+        weight = float(np.prod([(target - other) / (here - other) for j, other in enumerate(at) if j != i]))
+        u += weight * state.u
+        S += weight * state.points.S
+    return u, S

@@ -1,0 +1,341 @@
+"""The main job on a design: mesh, passive path, stroke, measures, files, comparison, pictures, report.
+
+`run` is the one entry. States go to disk as they are solved; a job that was interrupted goes on from them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from platform import python_version
+from typing import Any
+
+from fem_biobot.config import digest, to_toml
+from fem_biobot.design import Design
+from fem_biobot.errors import BiobotError, FileError, SolveError
+from fem_biobot.files import file_error, write_json, write_text
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.mesh.files import read_mesh
+from fem_biobot.solid.compiling import compile_kernels
+from fem_biobot.solid.linear import pardiso_missing
+from fem_biobot.solid.measures import Measurer, muscle_work
+from fem_biobot.solid.touching import touching_parts
+from fem_biobot.study import compare, outputs
+from fem_biobot.study.folder import SUMMARY, ResultFolder
+from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
+from fem_biobot.study.reporter import Reporter, Silent
+
+_PACKAGES = ("fem_biobot", "numpy", "scipy", "scikit-fem", "meshio", "gmsh", "pyvista", "vtk", "numba", "pypardiso")
+# the second mesh of the error estimate is asked for with this many times the size
+_COARSER = 1.6
+
+
+def run(
+    design: Design,
+    out: Path,
+    *,
+    mesh_file: Path | None = None,
+    names: Mapping[str, str] | None = None,
+    size: float | None = None,
+    force: bool = False,
+    resume: bool = False,
+    complete: bool = True,
+    reporter: Reporter | None = None,
+) -> dict[str, Any]:
+    """Do the main job and write its folder.
+
+    Parameters
+    ----------
+    design
+        What to compute.
+    out
+        Folder of the result.
+    mesh_file, names
+        A tagged mesh to use instead of a generated one, and how its volumes map to regions.
+    size
+        Mesh size instead of the design's [mm].
+    force
+        Redo what is there, also another design's result.
+    resume
+        Insist on going on from an unfinished result; refused where there is none.
+    complete
+        True for `run`; False for `solve`: states, tables and VTK only.
+    reporter
+        Told of stages, states, iterations and notes.
+
+    Returns
+    -------
+    dict
+        The summary, as in `summary.json`.
+
+    Raises
+    ------
+    BiobotError
+        Wrong input before anything is written; a failed solve after everything reached is on disk.
+    """
+    job = _Job(design, out, mesh_file, names, size, complete, reporter or Silent())
+    if force:
+        job.folder.clear()
+    done = None if force else job.folder.whole_result()
+    if done is not None:
+        job.reporter.note(f"{out} holds this design's result already; --force redoes it")
+        return done
+    if resume and not job.folder.unfinished.is_dir():
+        raise FileError(f"{out}: found no unfinished result, expected one to resume; leave out --resume to begin")
+    return job.do()
+
+
+class _Job:
+    """One job under way: what is fixed before it, and what it has found so far."""
+
+    def __init__(
+        self,
+        design: Design,
+        out: Path,
+        mesh_file: Path | None,
+        names: Mapping[str, str] | None,
+        size: float | None,
+        complete: bool,
+        reporter: Reporter,
+    ) -> None:
+        self.design = design if size is None else design.with_values({"mesh.size": size})
+        self.mesh_file, self.names, self.complete, self.reporter = mesh_file, names, complete, reporter
+        identity = {
+            "kind": "run" if complete else "solve",
+            "design_digest": digest(self.design),
+            "mesh": "generated" if mesh_file is None else f"{mesh_file.name} {_sha(mesh_file)}",
+        }
+        self.folder = ResultFolder(out, identity)
+        self.notes: list[str] = []
+        self.timings: dict[str, float] = {}
+        self.states: list[dict[str, Any]] = []
+        self.found: list[Found] = []
+        self.files: list[str] = []
+        self.began = time.perf_counter()
+
+    def do(self) -> dict[str, Any]:
+        self.reporter.stage("mesh", 1)
+        mesh = self._timed("mesh", self._mesh)
+        self.reporter.advance(f"{mesh.n_elements} elements, {mesh.n_unknowns} unknowns")
+        if missing := pardiso_missing():
+            self._note(f"SuperLU factors instead of PARDISO ({missing}); slower on large meshes")
+        self._timed("compile", lambda: compile_kernels(self.reporter))
+        solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter))
+        self.folder.open()
+        write_text(self.folder.path / "design.toml", to_toml(self.design))
+        try:
+            self._timed("solve", lambda: self._solve(solver))
+        except (BiobotError, KeyboardInterrupt) as failure:
+            self._leave_readable(mesh, solver, failure)
+            raise
+        coarse = self._timed("second_mesh", lambda: self._coarse_states(mesh)) if self.complete else None
+        summary = self._summary(mesh, solver, coarse)
+        self._write_tables(summary)
+        if self.complete:
+            self._timed("pictures", lambda: self._show(solver, summary))
+        summary["notes"] = self.notes
+        summary["timings_s"] = {**self.timings, "total": round(time.perf_counter() - self.began, 3)}
+        if self.complete:
+            outputs.write_run_report(self.folder.path, summary, self.figures, self.design)
+            self.reporter.advance("report")
+        self.folder.close(summary)
+        return summary
+
+    def _mesh(self) -> BodyMesh:
+        if self.mesh_file is not None:
+            return read_mesh(self.mesh_file, self.names, design=self.design)
+        mesh, notes = mesh_for(self.design)
+        for note in notes:
+            self._note(note)
+        return mesh
+
+    def _solve(self, solver: Solver) -> None:
+        wanted = wanted_states(self.design)
+        self.reporter.stage("solve", len(wanted))
+        for each in wanted:
+            if each.force is not None and not self._within_reach(each):
+                self.reporter.advance(f"{each.label}: left out")
+                continue
+            saved = self.folder.saved(each.key)
+            if saved is not None:
+                found = solver.restore(each, saved.u, saved.step, saved.natural_stretch, saved.work)
+            else:
+                found = solver.solve(each)
+                self.folder.save(found)
+            self._take(solver, found)
+            self.reporter.advance(each.label)
+
+    def _within_reach(self, wanted: Wanted) -> bool:
+        """Whether full drive could give the force wanted at all; even a rigid muscle gives tension times section."""
+        assert wanted.force is not None
+        limit = self.design.tension(self.design.drive.amplitude) * self.design.junction_section
+        # tissue that shortens spends about half of its tension on itself
+        if wanted.force < 0.5 * limit:
+            return True
+        self._note(f"{wanted.label}: left out, full drive pulls with at most {limit:.3g} mN before the tissue resists")
+        return False
+
+    def _take(self, solver: Solver, found: Found) -> None:
+        measurer = Measurer(self.design, found.state.model)
+        touching = touching_parts(found.state.model.mesh, found.state.u)
+        if touching:
+            self._note(f"{found.wanted.label}: the body touches itself ({touching}); contact forces are not modelled")
+        self.states.append(
+            {
+                "key": found.wanted.key,
+                "label": found.wanted.label,
+                "reference": found.wanted.reference,
+                "natural_stretch_1": found.natural_stretch,
+                "load_1": found.state.step.load,
+                **measurer.measures(found.state),
+                "touching": touching,
+                "file": f"solid_{len(self.files):02d}_{found.wanted.key}.vtu",
+            }
+        )
+        self.found.append(found)
+        name = str(self.states[-1]["file"])
+        outputs.write_state(self.folder.path / name, found.state, outputs.element_fields(found.state))
+        self.files.append(name)
+        outputs.write_series(self.folder.path, self.files)
+
+    def _coarse_states(self, mesh: BodyMesh) -> tuple[list[dict[str, Any]], float] | None:
+        """The moulded states on a coarser mesh and how much coarser it is; None where there is no second mesh."""
+        if self.mesh_file is not None:
+            self._note("error not estimated: a given mesh has no second size; run a refined one and compare")
+            return None
+        size = self.design.mesh.size * _COARSER
+        coarse, _ = mesh_for(self.design, size)
+        if coarse.n_elements > 0.8 * mesh.n_elements:
+            self._note("error not estimated: no mesh that is coarser enough is at hand")
+            return None
+        wanted = [f.wanted for f in self.found if f.wanted.reference == "as_moulded"]
+        self.reporter.stage("second mesh, for the error", len(wanted))
+        solver = Solver(self.design, coarse, self.reporter)
+        states = []
+        for each in wanted:
+            found = solver.solve(each)
+            measured = solver.measurer.measures(found.state)
+            states.append({"key": each.key, "label": each.label, **measured})
+            self.reporter.advance(each.label)
+        return states, (mesh.n_elements / coarse.n_elements) ** (1.0 / 3.0)
+
+    def _summary(
+        self, mesh: BodyMesh, solver: Solver, coarse: tuple[list[dict[str, Any]], float] | None
+    ) -> dict[str, Any]:
+        self._add_work(solver)
+        solid: dict[str, Any] = {"states": self.states}
+        if self.design.kind == "bot":
+            solid["stroke"] = compare.strokes(self.states)
+            solid["comparison"] = compare.beside_paper(self.design, self.states, solid["stroke"])
+        else:
+            solid["comparison"] = compare.beside_closed_form(self.design, self.states)
+        if coarse is not None:
+            solid["error_estimate"] = compare.error_estimate(self.states, *coarse)
+        solid["linear_solver"] = solver.solver.name
+        solid["factorisations_1"] = sum(int(s["factorisations_1"]) for s in self.states)
+        return {
+            "complete": True,
+            "job": self.folder.job,
+            "design_digest": self.folder.job["design_digest"],
+            "design": self.design.name,
+            "versions": _versions(),
+            "timings_s": dict(self.timings),
+            "mesh": outputs.mesh_summary(mesh, solver.model.n_dofs),
+            "solid": solid,
+            "walks": [],
+            "crosscheck": None,
+            "notes": self.notes,
+        }
+
+    def _add_work(self, solver: Solver) -> None:
+        """Work of the muscle along the moulded path; the remodelled tissue's path is not a loading path of one body."""
+        for state in self.states:
+            state["muscle_work_uJ"] = None
+        if self.design.muscle is None:
+            return
+        path = sorted(
+            ((f.state.step.tension, solver.measurer.tension_length(f.state), s) for f, s in zip(self.found, self.states, strict=True)
+             if f.wanted.reference == "as_moulded"),
+            key=lambda entry: entry[0],
+        )  # fmt: skip
+        moving = [entry for entry in path if entry[0] > 0.0]
+        for (_, _, state), work in zip(
+            moving, muscle_work([e[0] for e in moving], [e[1] for e in moving]), strict=True
+        ):
+            state["muscle_work_uJ"] = work
+        for tension, _, state in path:
+            if tension == 0.0:
+                state["muscle_work_uJ"] = 0.0
+
+    def _write_tables(self, summary: dict[str, Any]) -> None:
+        tables = self.folder.path / "tables"
+        try:
+            tables.mkdir(exist_ok=True)
+        except OSError as error:
+            raise file_error(error, tables) from None
+        solid = summary["solid"]
+        outputs.write_table(tables / "states.csv", solid["states"])
+        for name in ("comparison", "error_estimate"):
+            if solid.get(name):
+                outputs.write_table(tables / f"{name}.csv", solid[name])
+        if solid.get("stroke"):
+            outputs.write_table(tables / "stroke.csv", [{"tissue": k, **v} for k, v in solid["stroke"].items()])
+
+    def _show(self, solver: Solver, summary: dict[str, Any]) -> None:
+        self.reporter.stage("pictures", 3)
+        prefix = "remodelled_" if self.design.value("muscle.reference") == "remodelled" and self.design.kind == "bot" else ""
+        pictured = ("load_4", f"{prefix}passive", f"{prefix}peak")
+        shown = [f for f in self.found if f.wanted.key in pictured]
+        self.figures, note = [], ""
+        files, note = outputs.draw(
+            self.folder.path, self.design, solver.moulded, [(f, outputs.element_fields(f.state)) for f in shown]
+        )
+        if note:
+            self._note(note)
+        self.figures = [(file, file.stem.replace("_", " ")) for file in files]
+        self.reporter.advance("pictures")
+        self.figures += outputs.plot(self.folder.path, self.design, summary["solid"]["states"])
+        self.reporter.advance("plots")
+
+    def _leave_readable(self, mesh: BodyMesh, solver: Solver, failure: BaseException) -> None:
+        """What was reached, as a summary that says it is not whole."""
+        summary = self._summary(mesh, solver, None)
+        reached = self.states[-1]["label"] if self.states else "nothing"
+        summary |= {"complete": False, "failure": str(failure) or "interrupted", "reached": reached}
+        self._write_tables(summary)
+        write_json(self.folder.path / SUMMARY, summary)
+        if isinstance(failure, SolveError):
+            self._note(f"reached: {reached}; everything up to there is in {self.folder.path}")
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
+            self.reporter.note(text)
+
+    def _timed(self, name: str, action: Any) -> Any:
+        start = time.perf_counter()
+        try:
+            return action()
+        finally:
+            self.timings[name] = round(time.perf_counter() - start, 3)
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _sha(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise file_error(error, path, doing="read") from None

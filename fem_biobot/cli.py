@@ -1,0 +1,251 @@
+"""The command line: reads arguments, calls the package, turns outcomes into text and exit codes.
+
+Nothing imports this module. Arguments are parsed first and give a job; the job runs afterwards, so that typer's ways
+with exceptions and interrupts never meet the work. Heavy parts are imported when a job needs them.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fem_biobot import jobs
+from fem_biobot.errors import BiobotError
+from fem_biobot.files import file_error
+
+PROGRAM = "fem-biobot"
+INTERNAL, INPUT, FAILED, INTERRUPTED = 1, 2, 3, 130
+
+Job = Callable[[], int]
+
+
+class OptionError(BiobotError):
+    """Options that do not go together."""
+
+    exit_code = INPUT
+
+
+app = typer.Typer(
+    name=PROGRAM,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Finite-element model of muscle-driven hydrogel machines: from one design file to stress and stroke.",
+)
+
+DesignName = Annotated[str, typer.Argument(metavar="DESIGN", help="Name of a preset, or path of a TOML file.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder of the result; by default runs/<design>.")
+]
+Size = Annotated[
+    str | None, typer.Option("--size", metavar="MM", help='Mesh size, such as "0.8 mm"; a bare number is in mm.')
+]
+MeshFile = Annotated[
+    Path | None, typer.Option("--mesh", metavar="FILE.msh", help="A tagged mesh to use instead of generating one.")
+]
+Rename = Annotated[
+    list[str] | None,
+    typer.Option("--rename", metavar="NAME=REGION", help="Region of a volume of the mesh file, such as gel=skeleton."),
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar='KEY="VALUE UNIT"', help='Change a key of the design: muscle.theta="80 deg".'),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors and the path of the result.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the summary alone, as JSON; all else on standard error.")]
+Force = Annotated[bool, typer.Option("--force", help="Redo a result that is there, also another design's.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Insist on going on from an unfinished result.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+@app.callback(invoke_without_command=True)
+def _program(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and end.")] = False,
+) -> None:
+    if version:
+        jobs.print_version()
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())  # noqa: T201
+
+
+@app.command("presets")
+def _presets_command(as_json: AsJson = False, debug: Debug = False) -> Job:
+    """List the designs that come with the program."""
+    return partial(jobs.list_presets, as_json)
+
+
+@app.command("mesh")
+def _mesh_command(
+    design: Annotated[
+        str | None, typer.Argument(metavar="[DESIGN]", help="Preset or TOML file; may be left out to check a --mesh.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the mesh file; by default the current one.")
+    ] = None,
+    size: Size = None,
+    mesh: MeshFile = None,
+    rename: Rename = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Annotated[bool, typer.Option("--force", help="Write over another mesh of that name.")] = False,
+    debug: Debug = False,
+) -> Job:
+    """Mesh a design into <name>.msh, or check a given mesh (written only if --out is given)."""
+    if design is None and mesh is None:
+        raise OptionError("DESIGN: missing, expected a preset, a TOML file, or --mesh FILE.msh to check")
+    if design is None and sets:
+        raise OptionError("--set: found without DESIGN, expected the design that it changes")
+    _check_options(mesh, rename, size)
+    order = jobs.Order(design or "", out, size, mesh, rename or (), sets or (), quiet, as_json, force)
+    return partial(jobs.mesh, order)
+
+
+def _solving(complete: bool, text: str) -> Callable[..., Job]:
+    """The commands `solve` and `run`, which differ in how much they do."""
+
+    def command(
+        design: DesignName,
+        out: Out = None,
+        size: Size = None,
+        mesh: MeshFile = None,
+        rename: Rename = None,
+        sets: Sets = None,
+        quiet: Quiet = False,
+        as_json: AsJson = False,
+        force: Force = False,
+        resume: Resume = False,
+        debug: Debug = False,
+    ) -> Job:
+        if force and resume:
+            raise OptionError("--resume: found together with --force, expected one of them")
+        _check_options(mesh, rename, size)
+        order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force, resume)
+        return partial(jobs.solve, order, complete)
+
+    command.__doc__ = text
+    return command
+
+
+app.command("solve")(_solving(False, "Solve for the states of a design: tables, VTK files and summary, no pictures."))
+app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estimate, comparison, pictures, report."))
+
+
+@app.command("doctor")
+def _doctor_command(as_json: AsJson = False, debug: Debug = False) -> Job:
+    """Say which parts work on this machine, what is used instead, and which command brings the rest."""
+    return partial(jobs.examine, as_json)
+
+
+@app.command("schema")
+def _schema_command(debug: Debug = False) -> Job:
+    """Print the JSON schema of a design file, for completion and checks in editors."""
+    return jobs.print_schema
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code.
+
+    Parameters
+    ----------
+    argv
+        Arguments without the program's name; those of the process if None.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:
+        # a terminal of another encoding gets escapes, not a failure
+        for stream in (sys.stdout, sys.stderr):
+            getattr(stream, "reconfigure", lambda **_: None)(errors="backslashreplace")
+    try:
+        with _stopped_by_signals():
+            # a command gives its job; --help and --version end with a code
+            given: Job | int | None = typer.main.get_command(app).main(arguments, PROGRAM, standalone_mode=False)
+            code = given() if callable(given) else given or 0
+            sys.stdout.flush()
+            return code
+    except BrokenPipeError:
+        # whoever read our output has enough; keep the interpreter's last flush from complaining
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (Exception, KeyboardInterrupt) as error:
+        code, text = verdict(error)
+        if "--debug" in arguments:
+            traceback.print_exception(error)
+        print(f"{PROGRAM}: {_one_line(text)}", file=sys.stderr)  # noqa: T201
+        return code
+
+
+def verdict(error: BaseException) -> tuple[int, str]:
+    """Exit code and message of what ended a command."""
+    if isinstance(error, KeyboardInterrupt | typer.Abort):
+        return INTERRUPTED, f"interrupted{': ' if error.args else ''}{error}"
+    if isinstance(error, BiobotError):
+        return error.exit_code, str(error)
+    if hasattr(error, "format_message"):  # typer's own, whose classes have moved between its versions
+        return INPUT, _usage(error)
+    if isinstance(error, MemoryError):
+        return FAILED, f"out of memory ({error or 'no more could be had'}): ask for a larger --size"
+    if isinstance(error, OSError) and (error.filename is not None or error.errno == errno.ENOSPC):
+        # what no part of the package has put into its own words, and a full disk below standard output
+        found = file_error(error, error.filename or "standard output", doing="use" if error.filename else "write")
+        return found.exit_code, str(found)
+    if isinstance(error, ImportError):
+        return INTERNAL, f"a part of the program cannot be loaded ({error}): see {PROGRAM} doctor"
+    what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return INTERNAL, f"internal error: {what} (this is a defect; run again with --debug)"
+
+
+def _usage(error: Any) -> str:
+    """A usage error of typer in one line: what, and the nearest option where there is one."""
+    option, near = getattr(error, "option_name", None), getattr(error, "possibilities", None)
+    if near is not None or type(error).__name__ == "NoSuchOption":
+        text = f"{option}: no such option" + (f"; did you mean {near[0]}?" if near else "")
+    else:
+        text = error.format_message().rstrip(".")
+    context = getattr(error, "ctx", None)
+    return f"{text} (see {context.command_path if context else PROGRAM} --help)"
+
+
+def _one_line(text: str) -> str:
+    joined = "; ".join(line.strip() for line in text.splitlines() if line.strip())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in joined)
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """A request to end (SIGTERM, a closed terminal) stops the work like Ctrl-C, so that files stay whole."""
+
+    def stop(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                before[number] = signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _check_options(mesh: Path | None, rename: Sequence[str] | None, size: str | None) -> None:
+    if rename and mesh is None:
+        raise OptionError("--rename: found without --mesh, expected the mesh file whose volumes it names")
+    if size is not None and mesh is not None:
+        raise OptionError("--size: found together with --mesh, expected one of them (a mesh file has its own size)")

@@ -1,0 +1,273 @@
+"""The jobs behind the commands: each does its work, prints its result on standard output and returns an exit code.
+
+Knows nothing of how arguments are parsed. Parts that are slow to import are imported by the job that needs them, after
+everything that can be refused without them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fem_biobot.errors import DesignError, FileError
+from fem_biobot.files import file_error, write_text
+
+if TYPE_CHECKING:
+    from fem_biobot.design import Design
+
+_BARE_NUMBER = re.compile(r"\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*")
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the options of a command say."""
+
+    design: str
+    out: Path | None = None
+    size: str | None = None
+    mesh_file: Path | None = None
+    rename: Sequence[str] = ()
+    sets: Sequence[str] = ()
+    quiet: bool = False
+    json: bool = False
+    force: bool = False
+    resume: bool = False
+
+
+def solve(order: Order, complete: bool) -> int:
+    """The main job on a design; `complete` adds what makes a run out of a solve."""
+    from fem_biobot.config import load_design
+
+    design, size, names = load_design(order.design, order.sets), mesh_size(order.size), region_names(order.rename)
+    folder = result_folder(design, order.out)
+
+    from fem_biobot.progress import reporting, show_tables
+    from fem_biobot.results import remarks, result_tables, where_to_look
+    from fem_biobot.study.run import run
+
+    try:
+        with _standard_output_free(order.json), reporting(order.quiet) as reporter:
+            summary = run(
+                design,
+                folder,
+                mesh_file=order.mesh_file,
+                names=names or None,
+                size=size,
+                force=order.force,
+                resume=order.resume,
+                complete=complete,
+                reporter=reporter,
+            )
+            # those of a result that was there already have been told to nobody yet
+            for note in summary["notes"]:
+                reporter.note(note)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{folder}: files are whole, the same command goes on from there") from None
+    if order.json:
+        _print_json(summary)
+    elif order.quiet:
+        _say(str(folder))
+    else:
+        show_tables(result_tables(summary, design.kind))
+        _say("", *remarks(summary, design.kind), *where_to_look(folder))
+    return 0
+
+
+def mesh(order: Order) -> int:
+    """Mesh a design into a file, or check a given mesh."""
+    from fem_biobot.config import load_design
+
+    design = load_design(order.design, order.sets) if order.design else None
+    size, names = mesh_size(order.size), region_names(order.rename)
+
+    from fem_biobot.mesh.files import mesh_for, read_mesh
+    from fem_biobot.mesh.tagged import mesh_text
+    from fem_biobot.progress import reporting, show_tables
+    from fem_biobot.results import mesh_summary, mesh_tables
+
+    with _standard_output_free(order.json), reporting(order.quiet) as reporter:
+        notes: list[str] = []
+        if order.mesh_file is not None:
+            found = read_mesh(order.mesh_file, names or None, design=design)
+        else:
+            assert design is not None
+            found, notes = mesh_for(design, size)
+        for note in notes:
+            reporter.note(note)
+    file = None
+    if order.mesh_file is None or order.out is not None:
+        title = design.name if design is not None else order.mesh_file.stem if order.mesh_file is not None else ""
+        file = (order.out or Path()) / f"{_safe(title)}.msh"
+        _write_mesh(file, mesh_text(found), order.force)
+    summary = {**mesh_summary(found, design), "file": str(file or order.mesh_file), "notes": notes}
+    if order.json:
+        _print_json(summary)
+    elif order.quiet:
+        _say(summary["file"])
+    else:
+        show_tables(mesh_tables(summary))
+        _say("", summary["file"] if file is not None else f"{order.mesh_file}: a sound mesh; nothing was written")
+    return 0
+
+
+def list_presets(as_json: bool) -> int:
+    """The designs that come with the program, with their key numbers."""
+    from fem_biobot.config import load_design, presets
+
+    found = [load_design(name) for name in presets()]
+    if as_json:
+        _print_json([{"name": d.name, "description": d.description, "kind": d.kind, **_key_numbers(d)} for d in found])
+        return 0
+
+    from fem_biobot.progress import show_tables
+    from fem_biobot.results import preset_table
+
+    show_tables([preset_table([(d.name, d.description, _key_numbers(d)) for d in found])])
+    return 0
+
+
+def examine(as_json: bool) -> int:
+    """What works on this machine; 1 if something is missing that every run needs."""
+    from fem_biobot import doctor
+
+    with _standard_output_free(as_json):
+        parts = doctor.examine()
+    if as_json:
+        _print_json(doctor.as_json(parts))
+    else:
+        from fem_biobot.progress import show_tables
+
+        show_tables([doctor.table(parts)])
+        _say("", *doctor.verdict(parts))
+    return 0 if doctor.works(parts) else 1
+
+
+def print_schema() -> int:
+    """The JSON schema of design files."""
+    from fem_biobot.config import json_schema
+
+    _print_json(json_schema())
+    return 0
+
+
+def print_version() -> None:
+    """The version of the package and of Python."""
+    try:
+        version = metadata.version("fem_biobot")
+    except metadata.PackageNotFoundError:
+        version = "(a checkout that is not installed)"
+    _say(f"fem-biobot {version}, Python {platform.python_version()}")
+
+
+def mesh_size(text: str | None) -> float | None:
+    """Mesh size of the option [mm]; a bare number is in mm, as the option's help says."""
+    from fem_biobot.design import keys
+    from fem_biobot.units import parse_quantity, shown
+
+    if text is None:
+        return None
+    size = parse_quantity(f"{text.strip()} mm" if _BARE_NUMBER.fullmatch(text) else text, "mm", "--size")
+    allowed = keys()["mesh.size"].quantity
+    if allowed is not None and not allowed.allows(size):
+        raise DesignError(f"--size: found {shown(text)}, expected {allowed.interval()}")
+    return size
+
+
+def region_names(texts: Sequence[str]) -> Mapping[str, str]:
+    """Volume names of a mesh file to regions, from texts such as ``gel=skeleton``."""
+    names: dict[str, str] = {}
+    for text in texts:
+        name, _, region = (part.strip() for part in text.rpartition("="))
+        if not (name and region):
+            raise DesignError(f"--rename: found {text!r}, expected NAME=REGION, such as gel=skeleton")
+        if names.setdefault(name, region) != region:
+            raise DesignError(f"--rename: found {name} for {names[name]} and for {region}, expected it once")
+    return names
+
+
+def result_folder(design: Design, out: Path | None) -> Path:
+    """Folder of the result, refused at once where it cannot be made or written; nothing is made yet."""
+    folder = Path("runs") / _safe(design.name) if out is None else out
+    if folder.exists() and not folder.is_dir():
+        raise FileError(f"{folder}: found a file, expected a folder for the result")
+    above = folder.absolute()
+    place = next(parent for parent in (above, *above.parents) if parent.exists())
+    if not place.is_dir():
+        raise FileError(f"{folder}: cannot be made: {place} is a file, expected a folder")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise FileError(f"{folder}: cannot be written: no permission in {place}, expected a folder of your own")
+    return folder
+
+
+def _safe(name: str) -> str:
+    """A design's name as the name of a file."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._")[:100] or "unnamed"
+
+
+def _key_numbers(design: Design) -> dict[str, float]:
+    """What tells one design from another."""
+    numbers = {"span_mm": design.span}
+    if design.skeleton is not None:
+        numbers["gel_young_kPa"] = design.skeleton.material.young
+        numbers["second_moment_mm4"] = design.second_moment
+    if design.muscle is not None:
+        if design.skeleton is not None:
+            numbers["moment_arm_mm"] = design.moment_arm
+        numbers["muscle_section_mm2"] = design.junction_section
+        numbers["passive_tension_kPa"] = design.tension(0.0)
+        numbers["peak_tension_kPa"] = design.tension(design.drive.amplitude)
+    if design.load is not None:
+        numbers["tip_force_mN"] = design.load.tip_force
+    return numbers
+
+
+def _write_mesh(file: Path, text: str, force: bool) -> None:
+    """Write a mesh file; another mesh of that name stays unless forced."""
+    if file.exists() and not force:
+        try:
+            same = file.read_bytes() == text.encode()
+        except OSError as error:
+            raise file_error(error, file, doing="read") from None
+        if same:
+            return
+        raise FileError(f"{file}: found another mesh, expected none; give another --out, or --force to replace it")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise file_error(error, file.parent, doing="make the folder") from None
+    write_text(file, text)
+
+
+@contextmanager
+def _standard_output_free(needed: bool) -> Iterator[None]:
+    """Whatever the work prints goes to standard error where standard output is for JSON alone."""
+    if not needed:
+        yield
+        return
+    with redirect_stdout(sys.stderr):
+        yield
+
+
+def _print_json(value: Any) -> None:
+    """JSON in plain ASCII, so that no terminal's encoding can spoil it."""
+    _say(json.dumps(value, indent=2, allow_nan=False, default=_plain))
+
+
+def _plain(value: object) -> object:
+    tolist = getattr(value, "tolist", None)
+    if tolist is None:
+        raise TypeError(f"no JSON form for {type(value).__name__}")
+    return tolist()
+
+
+def _say(*lines: str) -> None:
+    sys.stdout.write("".join(f"{line}\n" for line in lines))

@@ -1,1 +1,91 @@
-"""fem_biobot: finite-element continuum model of muscle-driven hydrogel walking machines."""
+"""fem_biobot: finite-element continuum model of muscle-driven hydrogel walking machines.
+
+The public names below are loaded when they are first asked for, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fem_biobot.config import load_design
+    from fem_biobot.design import Design
+    from fem_biobot.errors import BiobotError, DesignError, FileError, MeshError, ModelError, SolveError
+    from fem_biobot.material.active import ActiveStress, Convention
+    from fem_biobot.material.neo_hooke import NeoHooke
+    from fem_biobot.mesh.body import BodyMesh
+    from fem_biobot.mesh.files import read_mesh, write_mesh
+    from fem_biobot.mesh.geometry import build_mesh
+    from fem_biobot.solid.from_design import tension_step
+    from fem_biobot.solid.measures import measures
+    from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
+    from fem_biobot.solid.records import BodyForce, Fix, Step, Symmetry, Traction
+    from fem_biobot.study.run import run
+    from fem_biobot.vtk import write_pvd, write_vtu
+
+_HOMES = {
+    "config": ("load_design",),
+    "design": ("Design",),
+    "errors": ("BiobotError", "DesignError", "FileError", "MeshError", "ModelError", "SolveError"),
+    "material.active": ("ActiveStress", "Convention"),
+    "material.neo_hooke": ("NeoHooke",),
+    "mesh.body": ("BodyMesh",),
+    "mesh.files": ("read_mesh", "write_mesh"),
+    "mesh.geometry": ("build_mesh",),
+    "solid.from_design": ("tension_step",),
+    "solid.measures": ("measures",),
+    "solid.model": ("SolidModel", "SolidSolution", "SolidState", "solve"),
+    "solid.records": ("BodyForce", "Fix", "Step", "Symmetry", "Traction"),
+    "study.run": ("run",),
+    "vtk": ("write_pvd", "write_vtu"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "ActiveStress",
+    "BiobotError",
+    "BodyForce",
+    "BodyMesh",
+    "Convention",
+    "Design",
+    "DesignError",
+    "FileError",
+    "Fix",
+    "MeshError",
+    "ModelError",
+    "NeoHooke",
+    "SolidModel",
+    "SolidSolution",
+    "SolidState",
+    "SolveError",
+    "Step",
+    "Symmetry",
+    "Traction",
+    "build_mesh",
+    "load_design",
+    "measures",
+    "read_mesh",
+    "run",
+    "solve",
+    "tension_step",
+    "write_mesh",
+    "write_pvd",
+    "write_vtu",
+]
+
+try:
+    __version__ = version("fem_biobot")
+except PackageNotFoundError:  # a checkout that is not installed
+    __version__ = "0+unknown"
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME_OF])

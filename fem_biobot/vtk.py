@@ -197,6 +197,32 @@ def nodal_mean(
     return (sums / np.where(total > 0.0, total, 1.0)).reshape(*values.shape[:-1], n)
 
 
+def nodal_mean_of_nodes(cells: Ints, values: Array, *, weights: Array, n_points: int) -> Array:
+    """Weighted mean at each node of what the elements around it say AT that node.
+
+    Parameters
+    ----------
+    cells
+        Nodes of each element, (k, e).
+    values
+        What each element says at its own nodes, (k, e).
+    weights
+        Positive weight of each element, (e,), usually its volume.
+    n_points
+        Number of nodes.
+
+    Returns
+    -------
+    Array
+        Values at the nodes, (n,); zero at nodes of no element. A field linear in the elements is carried to the surface
+        whole, where means over elements would cut it off.
+    """
+    weight = np.broadcast_to(weights, cells.shape).ravel()
+    nodes = cells.ravel()
+    total = np.bincount(nodes, weight, n_points)
+    return np.bincount(nodes, weight * values.ravel(), n_points) / np.where(total > 0.0, total, 1.0)
+
+
 def boundary_surface(cells: Ints, *, node_map: Ints | None = None) -> Ints:
     """Outer surface of a body of tetrahedra as triangles between neighbouring nodes.
 

@@ -38,6 +38,10 @@ class NaturalState:
         F0.setflags(write=False)
         object.__setattr__(self, "F0", F0)
 
+    def at(self, elements: np.ndarray) -> NaturalState:
+        """The law with the natural states of these elements only, (k,)."""
+        return self if self.F0.ndim == 2 else NaturalState(self.law, self.F0[:, :, elements])
+
     def _inverse(self, F: Array) -> tuple[Array, Array]:
         F0 = self.F0.reshape(self.F0.shape + (1,) * (F.ndim - self.F0.ndim))
         return inverse(F0), volume_ratio(F0)

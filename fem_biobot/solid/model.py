@@ -22,7 +22,7 @@ from fem_biobot.solid.held import place_nodes
 from fem_biobot.solid.newton import Counts, Equilibrium, LinearSolver, NewtonSettings
 from fem_biobot.solid.path import PathFailedError, equilibria
 from fem_biobot.solid.records import BodyForce, Fix, Step, Symmetry, Traction, as_step
-from fem_biobot.solid.space import Element
+from fem_biobot.solid.space import Element, Ints
 from fem_biobot.solid.system import Points, System, assemble_system
 
 if TYPE_CHECKING:
@@ -124,6 +124,16 @@ class SolidState:
     newton_iterations: int = 0
     factorisations: int = 0
     cg_iterations: int = 0
+
+    @property
+    def X(self) -> Array:
+        """Reference positions of the nodes, vertices first, (3, n) [mm]."""
+        return self.model.system.space.points
+
+    @property
+    def cells(self) -> Ints:
+        """Nodes of each element in VTK's order for quadratic tetrahedra, (10, e)."""
+        return self.model.system.space.nodes
 
     @cached_property
     def F(self) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem_biobot.material.law import PAIRS, Array, volume_ratio
+from fem_biobot.material.natural_state import NaturalState
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.space import Ints
 from fem_biobot.solid.system import Points, System
@@ -78,13 +79,28 @@ class Probe:
 
     def cauchy_stress(self, state: SolidState) -> Array:
         """Cauchy stress of the elements' own laws at the positions, (3, 3, k) [kPa]."""
-        system = state.model.system
+        return self._cauchy(state, self.deformation_gradient(state))
+
+    def fibre_fields(self, state: SolidState) -> tuple[Array, Array]:
+        """Fibre stretch [1] and Cauchy stress along the fibre [kPa] at the positions, (k,); zero without fibres."""
         F = self.deformation_gradient(state)
+        sigma = self._cauchy(state, F)
+        stretch, stress = np.zeros(F.shape[2]), np.zeros(F.shape[2])
+        for c in state.model.system.contractions:
+            mine = np.isin(self.elements, c.elements)
+            a = np.einsum("ikn,kn->in", F[:, :, mine], c.a0[:, self.elements[mine], 0])
+            stretch[mine] = np.sqrt(np.einsum("in,in->n", a, a))
+            stress[mine] = np.einsum("in,ijn,jn->n", a, sigma[:, :, mine], a) / stretch[mine] ** 2
+        return stretch, stress
+
+    def _cauchy(self, state: SolidState, F: Array) -> Array:
+        system = state.model.system
         P = np.zeros_like(F)
         for law, elements in system.laws:
             mine = np.isin(self.elements, elements)
             if mine.any():
-                P[:, :, mine] += law.stress(F[:, :, mine])
+                own = law.at(self.elements[mine]) if isinstance(law, NaturalState) else law
+                P[:, :, mine] += own.stress(F[:, :, mine])
         for c in system.contractions:
             mine = np.isin(self.elements, c.elements)
             if mine.any():
@@ -116,6 +132,19 @@ def probe(system: System, X: Array) -> Probe:
     xi = np.einsum("ijk,jk->ik", space.to_reference[:, :, elements], X[:, kept] - corners[:, 0, elements])
     slopes = np.stack([np.broadcast_to(space.shape.lbasis(xi, b)[1], xi.shape) for b in range(len(space.nodes))])
     return Probe(elements, np.einsum("bjk,jik->bik", slopes, space.to_reference[:, :, elements]))
+
+
+def node_probe(system: System) -> Probe:
+    """All nodes of all elements, element by element (e b,): each element is asked for itself at its own nodes."""
+    space = system.space
+    n_basis, n_elements = space.nodes.shape
+    xi = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], dtype=float)
+    if n_basis == 10:
+        sides = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+        xi = np.concatenate([xi, np.stack([xi[:, list(side)].mean(axis=1) for side in sides], axis=1)], axis=1)
+    slopes = np.stack([np.broadcast_to(space.shape.lbasis(xi, b)[1], xi.shape) for b in range(n_basis)])  # (b, 3, node)
+    global_slopes = np.einsum("bjk,jie->biek", slopes, space.to_reference).reshape(n_basis, 3, -1)
+    return Probe(np.repeat(np.arange(n_elements), n_basis), np.ascontiguousarray(global_slopes))
 
 
 def ball(centre: Array, radius: float, across: int = 20) -> Array:

@@ -14,14 +14,14 @@ from fem_biobot.design import Design
 from fem_biobot.files import file_error, write_text
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.measures import eq3_stiffness
-from fem_biobot.solid.model import SolidModel, SolidState
-from fem_biobot.solid.stress import cauchy_stress, element_mean, fibre_stress, first_piola_stress, von_mises
+from fem_biobot.solid.model import SolidState
+from fem_biobot.solid.stress import cauchy_stress, element_mean, fibre_stress, first_piola_stress, node_probe, von_mises
 from fem_biobot.study.plan import Found
 from fem_biobot.view.machine import Machine, Shape, machine_pictures
 from fem_biobot.view.pictures import draw_pictures
 from fem_biobot.view.plots import force_stroke, tension_path, von_mises_path
 from fem_biobot.view.report import Table, write_report
-from fem_biobot.vtk import nodal_mean, split_by_region, write_pvd, write_vtu
+from fem_biobot.vtk import nodal_mean_of_nodes, split_by_region, write_pvd, write_vtu
 
 Array = np.ndarray
 
@@ -50,24 +50,40 @@ def element_fields(state: SolidState) -> dict[str, Array]:
     return fields
 
 
-def write_state(path: Path, state: SolidState, fields: Mapping[str, Array]) -> None:
-    """One state as quadratic cells; nodes are doubled between regions, so that stresses jump where materials do."""
+def nodal_fields(state: SolidState) -> dict[str, Array]:
+    """What each element says at its own nodes, (b, e), for pictures: von Mises stress and the fibre fields."""
+    system = state.model.system
+    where = node_probe(system)
+    shape = (len(system.space.nodes), -1)
+
+    def by_element(values: Array) -> Array:
+        return values.reshape(-1, len(system.space.nodes)).T.reshape(shape)
+
+    fields = {"von_mises_kPa": by_element(von_mises(where.cauchy_stress(state)))}
+    if system.contractions:
+        stretch, stress = where.fibre_fields(state)
+        fields |= {"fibre_stretch_1": by_element(stretch), "fibre_stress_kPa": by_element(stress)}
+    return fields
+
+
+def write_state(path: Path, state: SolidState) -> None:
+    """One state as quadratic cells; nodes are doubled between regions, so that stresses jump where materials do.
+
+    Cell fields are means over the elements; point fields of stress are means of what the elements say at the node.
+    """
     space = state.model.system.space
     mesh = state.model.mesh
     node_map, cells = split_by_region(space.nodes, mesh.region_of(), n_points=space.n_nodes)
-    volumes = mesh.volumes
-    smooth = {
-        f"smoothed_{name}": nodal_mean(cells, fields[name], weights=volumes, n_points=node_map.size)
-        for name in ("von_mises_kPa", "fibre_stretch_1", "fibre_stress_kPa")
-        if name in fields
+    at_nodes = {
+        f"nodal_{name}": nodal_mean_of_nodes(cells, values, weights=mesh.volumes, n_points=node_map.size)
+        for name, values in nodal_fields(state).items()
     }
-    packed = {name: _packed(values) for name, values in fields.items()}
     write_vtu(
         path,
         space.points[:, node_map],
         cells,
-        point_data={"displacement_mm": state.u[:, node_map], **smooth},
-        cell_data=packed,
+        point_data={"displacement_mm": state.u[:, node_map], **at_nodes},
+        cell_data={name: _packed(values) for name, values in element_fields(state).items()},
         region=mesh.region_of(),
     )
 
@@ -95,24 +111,50 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     write_text(path, text.getvalue())
 
 
-def draw(folder: Path, design: Design, model: SolidModel, shown: Sequence[tuple[Found, Mapping[str, Array]]]) -> tuple[list[Path], str]:
+def draw(folder: Path, design: Design, shown: Sequence[Found]) -> tuple[list[Path], str]:
     """Pictures of the states shown; returns their files and a note if a lesser renderer drew them."""
+    model = shown[0].state.model
     space = model.system.space
     focus = design.landmarks().get("corner_short")
     machine = Machine(space.points, space.nodes, dict(model.mesh.regions), design.name, design.kind == "bot", focus)
-    shapes = [
-        Shape(
-            found.wanted.key,
-            found.wanted.label,
-            found.state.u,
-            fields["von_mises_kPa"],
-            fields.get("fibre_stretch_1"),
-            fields.get("fibre_stress_kPa"),
+    shapes = []
+    for found in shown:
+        fields = nodal_fields(found.state)
+        u = found.state.u
+        if design.kind == "bot":
+            u = standing(space.points + u) - space.points
+        shapes.append(
+            Shape(
+                found.wanted.key,
+                found.wanted.label,
+                u,
+                fields["von_mises_kPa"],
+                fields.get("fibre_stretch_1"),
+                fields.get("fibre_stress_kPa"),
+            )
         )
-        for found, fields in shown
-    ]
     drawn = draw_pictures(machine_pictures(machine, shapes), figures_folder(folder))
     return list(drawn.files), drawn.note
+
+
+def standing(x: Array) -> Array:
+    """Positions (3, n) turned about y and lifted so that the lowest points of both halves touch the ground z = 0.
+
+    For pictures: the solver's own supports hold the body in the air. The middle of the body stays at x = 0.
+    """
+    x = x.copy()
+    for _ in range(20):
+        middle = 0.5 * (x[0].min() + x[0].max())
+        left, right = x[0] < middle, x[0] >= middle
+        a, b = (x[:, half][:, np.argmin(x[2, half])] for half in (left, right))
+        angle = np.arctan2(b[2] - a[2], b[0] - a[0])
+        if abs(angle) < 1e-9:
+            break
+        c, s = np.cos(angle), np.sin(angle)
+        x[0], x[2] = c * x[0] + s * x[2], -s * x[0] + c * x[2]
+    x[0] -= 0.5 * (x[0].min() + x[0].max())
+    x[2] -= x[2].min()
+    return x
 
 
 def figures_folder(folder: Path) -> Path:

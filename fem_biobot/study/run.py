@@ -115,6 +115,7 @@ class _Job:
         self.states: list[dict[str, Any]] = []
         self.found: list[Found] = []
         self.files: list[str] = []
+        self.figures: list[tuple[Path, str]] = []
         self.began = time.perf_counter()
 
     def do(self) -> dict[str, Any]:
@@ -136,7 +137,7 @@ class _Job:
         summary = self._summary(mesh, solver, coarse)
         self._write_tables(summary)
         if self.complete:
-            self._timed("pictures", lambda: self._show(solver, summary))
+            self._timed("pictures", lambda: self._show(summary))
         summary["notes"] = self.notes
         summary["timings_s"] = {**self.timings, "total": round(time.perf_counter() - self.began, 3)}
         if self.complete:
@@ -198,7 +199,7 @@ class _Job:
         )
         self.found.append(found)
         name = str(self.states[-1]["file"])
-        outputs.write_state(self.folder.path / name, found.state, outputs.element_fields(found.state))
+        outputs.write_state(self.folder.path / name, found.state)
         self.files.append(name)
         outputs.write_series(self.folder.path, self.files)
 
@@ -285,15 +286,12 @@ class _Job:
         if solid.get("stroke"):
             outputs.write_table(tables / "stroke.csv", [{"tissue": k, **v} for k, v in solid["stroke"].items()])
 
-    def _show(self, solver: Solver, summary: dict[str, Any]) -> None:
+    def _show(self, summary: dict[str, Any]) -> None:
         self.reporter.stage("pictures", 3)
         prefix = "remodelled_" if self.design.value("muscle.reference") == "remodelled" and self.design.kind == "bot" else ""
         pictured = ("load_4", f"{prefix}passive", f"{prefix}peak")
         shown = [f for f in self.found if f.wanted.key in pictured]
-        self.figures, note = [], ""
-        files, note = outputs.draw(
-            self.folder.path, self.design, solver.moulded, [(f, outputs.element_fields(f.state)) for f in shown]
-        )
+        files, note = outputs.draw(self.folder.path, self.design, shown)
         if note:
             self._note(note)
         self.figures = [(file, file.stem.replace("_", " ")) for file in files]

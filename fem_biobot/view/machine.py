@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fem_biobot.view.scene import Bar, Inset, Layer, Panel, Picture
 from fem_biobot.view.surface import feature_edges
-from fem_biobot.vtk import boundary_surface, nodal_mean, split_by_region
+from fem_biobot.vtk import boundary_surface, nodal_mean, nodal_mean_of_nodes, split_by_region
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,7 +34,8 @@ class Shape:
     displacement
         At the nodes, (3, n) [mm].
     von_mises, fibre_stretch, fibre_stress
-        Element means, (e,) [kPa, 1, kPa]; the fibre fields are read on the muscle only. None leaves their pictures out.
+        Element means (e,), or what each element says at its own nodes (b, e) [kPa, 1, kPa]; the fibre fields are read on
+        the muscle only. None leaves their pictures out.
     """
 
     key: str
@@ -121,10 +122,12 @@ class Machine:
         return points[:, self.split[0]]
 
     def nodal(self, values: Array, *, muscle_only: bool = False) -> Array:
-        """Element means carried to the doubled nodes, (m,), without mixing muscle and gel."""
+        """Element values carried to the doubled nodes, (m,), without mixing muscle and gel."""
         where = self.muscle if muscle_only else np.ones(self.muscle.size, dtype=bool)
         cells, weights = self.split[1][:, where], self.volumes[where]
-        return nodal_mean(cells, np.asarray(values)[where], weights=weights, n_points=self.split[0].size)
+        own = np.asarray(values)[..., where]
+        carry = nodal_mean if own.ndim == 1 else nodal_mean_of_nodes
+        return carry(cells, own, weights=weights, n_points=self.split[0].size)
 
 
 def machine_pictures(machine: Machine, shapes: Sequence[Shape]) -> list[Picture]:

@@ -18,8 +18,7 @@ from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.material.law import PAIRS
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.mesh.geometry import GmshMissing, build_mesh
-from fem_biobot.solid.model import SolidModel
+from fem_biobot.mesh.committed import committed_mesh
 from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.records import Fix
 
@@ -214,20 +213,9 @@ def hold_everywhere(value: Callable[[Array], Array] | float = 0.0, faces: Sequen
 
 
 @cache
-def coarse_bot(size: float = 1.5, overrides: tuple[str, ...] = ()) -> tuple[Design, BodyMesh]:
-    """The junction bot on a coarse mesh; on the committed one where Gmsh cannot start."""
-    design = load_design("junction_bot", overrides)
-    try:
-        return design, build_mesh(design, size)
-    except GmshMissing as missing:
-        if overrides:
-            pytest.skip(f"needs a mesh of its own: {missing}")
-        from fem_biobot.mesh.files import committed_mesh
-
-        return design, committed_mesh(design)
-
-
-@cache
-def coarse_bot_model(size: float = 1.5) -> SolidModel:
-    """Model of `coarse_bot`."""
-    return SolidModel.from_design(*coarse_bot(size))
+def committed_bot(size: float = 2.0) -> tuple[Design, BodyMesh]:
+    """The junction bot and its committed mesh of the size nearest to `size`, so that Gmsh is not needed."""
+    design = load_design("junction_bot")
+    mesh = committed_mesh(design, size)
+    assert mesh is not None, "no committed mesh of junction_bot: make them anew"
+    return design, mesh

@@ -182,6 +182,7 @@ def _module(name: str, module: str) -> Part:
 def _numba() -> Part:
     try:
         from fem_biobot.solid import kernels
+        from fem_biobot.solid.compiling import cached
     except ModuleNotFoundError as error:
         return Part("numba", "missing", f"no module named {error.name}", python=("numba",))
     except RuntimeError as error:
@@ -189,13 +190,11 @@ def _numba() -> Part:
         place = Path(tempfile.gettempdir()) / "fem_biobot_kernels"
         return Part("numba", "missing", _why(error), command=f"export NUMBA_CACHE_DIR={place}")
     version = _version("numba")
-    stats = getattr(kernels.symmetric_product, "stats", None)
+    stats: Any = getattr(kernels.symmetric_product, "stats", None)
     if stats is None:
         return Part("numba", "instead", f"{version}, switched off by NUMBA_DISABLE_JIT: plain Python, very slow")
-    cache = Path(stats.cache_path)
-    kept = any(cache.glob("kernels.*.nbi"))
-    state = "holds compiled kernels" if kept else "empty: the first run compiles for about a minute"
-    return Part("numba", "ok", f"{version}, cache {cache} ({state})")
+    state = "holds the compiled kernels" if cached() else "the first run compiles the kernels, which takes a while"
+    return Part("numba", "ok", f"{version}, cache {stats.cache_path} ({state})")
 
 
 def _linear_solver() -> Part:
@@ -231,7 +230,9 @@ def _renderer() -> Part:
         return Part("renderer", "ok", f"pyvista {_version('pyvista')}, VTK {_version('vtk')}, off-screen")
     system = (*_libraries(note), OFFSCREEN) if "apt-get" in note else ()
     python = ("pyvista",) if "pip install pyvista" in note else ()
-    return Part("renderer", "instead", f"built-in renderer instead of pyvista ({note})", system, python)
+    # the remedy is told once, for all parts together
+    reason = note.partition(";")[0].removeprefix("pictures drawn by matplotlib: ")
+    return Part("renderer", "instead", f"built-in renderer instead of pyvista ({reason})", system, python)
 
 
 def _presets() -> Part:

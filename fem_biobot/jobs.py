@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fem_biobot.errors import DesignError, FileError
+from fem_biobot.errors import DesignError, FileError, SolveError
 from fem_biobot.files import file_error, write_text
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ def solve(order: Order, complete: bool) -> int:
             # those of a result that was there already have been told to nobody yet
             for note in summary["notes"]:
                 reporter.note(note)
+    except SolveError as failure:
+        raise SolveError(f"{failure}; what was reached is in {folder}", failure.best) from failure
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"{folder}: files are whole, the same command goes on from there") from None
     if order.json:

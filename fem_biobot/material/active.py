@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from fem_biobot.material.kernels import nominal_tension_points
 from fem_biobot.material.law import Array, volume_ratio
 
 
-class Convention(str, Enum):
+class Convention(StrEnum):
     """What a number called active tension multiplies.
 
     * ``nominal``: ``psi_a = T (stretch - 1)``, ``P_a = T a x a0`` with the current unit fibre ``a``. The force through

@@ -61,7 +61,8 @@ def volume_ratio(F: Array) -> Array:
 
 def inverse(F: Array) -> Array:
     """Inverse of a 3 by 3 tensor field, (3, 3, ...) [1]."""
-    return np.moveaxis(np.linalg.inv(np.moveaxis(F, (0, 1), (-2, -1))), (-2, -1), (0, 1))
+    matrices = np.asarray(np.moveaxis(F, (0, 1), (-2, -1)), dtype=np.float64)
+    return np.moveaxis(np.linalg.inv(matrices), (-2, -1), (0, 1)).astype(np.float64, copy=False)
 
 
 def lame(young: float, poisson: float) -> tuple[float, float]:

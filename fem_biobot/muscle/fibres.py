@@ -7,6 +7,8 @@ field jumps where a ring meets the junction block; a field smooth through that t
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +30,7 @@ def junction_blocks(design: Design) -> list[tuple[float, float]]:
         return [(-design.span / 2, design.span / 2)]
     half = design.value("skeleton.pillar_length") / 2
     centres = [x for x, _ in design.pillars]
-    return [(a + half, b - half) for a, b in zip(centres[:-1], centres[1:], strict=True)]
+    return [(a + half, b - half) for a, b in pairwise(centres)]
 
 
 def in_junction(design: Design, X: Array) -> NDArray[np.bool_]:
@@ -78,7 +80,8 @@ def fibre_field(design: Design, mesh: BodyMesh) -> Array:
 def _around_pillars(design: Design, X: Array) -> tuple[Array, Array]:
     """Tangent and outward normal of the offset outline of the nearest pillar (or of all, for one loop), (3, e)."""
     skeleton, muscle = design.skeleton, design.muscle
-    assert skeleton is not None and muscle is not None
+    assert skeleton is not None
+    assert muscle is not None
     half_x, half_y = skeleton.pillar_length / 2, skeleton.pillar_width / 2
     centres = np.array([x for x, _ in design.pillars])
     if muscle.layout == "ring":

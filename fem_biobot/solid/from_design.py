@@ -30,7 +30,9 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
         if part is None:
             continue
         if region not in mesh.regions:
-            raise MeshError(f"{region}: found no such region in the mesh ({', '.join(mesh.regions)}), expected one for this design")
+            raise MeshError(
+                f"{region}: found no such region in the mesh ({', '.join(mesh.regions)}), expected one for this design"
+            )
         materials[region] = law_from(part.material.law, part.material.young, part.material.poisson)
     if design.muscle is not None:
         active["muscle"] = ActiveStress(

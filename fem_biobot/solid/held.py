@@ -121,7 +121,9 @@ def _directions(mesh: BodyMesh, body: Space, support: Fix | Symmetry) -> tuple[I
         return nodes, axes, which, (axes @ prescribed)[list(which)]
     value = np.atleast_1d(np.asarray(support.value, dtype=float))
     if value.shape not in ((1,), (len(which),)) or not np.all(np.isfinite(value)):
-        raise ModelError(f"value: found {support.value!r}, expected one finite number or one for each of {len(which)} components")
+        raise ModelError(
+            f"value: found {support.value!r}, expected one finite number or one for each of {len(which)} components"
+        )
     return nodes, axes, which, np.broadcast_to(value[:, None], (len(which), len(nodes)))
 
 
@@ -139,14 +141,16 @@ def place_nodes(mesh: BodyMesh, body: Space, where: str | tuple[float, float, fl
     nearest = int(np.argmin(distance))
     if distance[nearest] > 1e-6 * np.ptp(mesh.points, axis=1).max():
         raise ModelError(
-            f"point {tuple(where)} mm: found no vertex there, the nearest is {distance[nearest]:.3g} mm away, expected a vertex"
+            f"point {tuple(where)} mm: found no vertex (nearest {distance[nearest]:.3g} mm away), expected a vertex"
         )
     return np.array([nearest], dtype=np.int64)
 
 
 def _plane_normal(mesh: BodyMesh, name: str) -> Array:
     if name not in mesh.surfaces:
-        raise ModelError(f"symmetry: found no surface named {name!r}, expected one of {', '.join(mesh.surfaces) or 'none'}")
+        raise ModelError(
+            f"symmetry: found no surface named {name!r}, expected one of {', '.join(mesh.surfaces) or 'none'}"
+        )
     corners = mesh.points[:, mesh.surfaces[name]]  # (3, 3, f)
     points = corners.reshape(3, -1)
     centred = points - points.mean(axis=1, keepdims=True)
@@ -164,13 +168,17 @@ def _agree(mesh: BodyMesh, body: Space, node: int, values: Array, zero: bool = F
     gap = np.abs(values).max() if zero else np.ptp(values)
     if gap > 1e-9 * scale:
         x, y, z = body.points[:, node]
-        raise ModelError(f"supports: found contradicting displacements at ({x:.4g}, {y:.4g}, {z:.4g}) mm, expected one value")
+        raise ModelError(
+            f"supports: found contradicting displacements at ({x:.4g}, {y:.4g}, {z:.4g}) mm, expected one value"
+        )
 
 
 def _refuse_rigid_motion(body: Space, found: Held) -> None:
     """Six rigid motions must be held: the rows of the held unknowns in the rigid modes have rank 6."""
     if not found.dofs.size:
-        raise ModelError("supports: found none, expected the body held against its six rigid motions (for example Fix on three points)")
+        raise ModelError(
+            "supports: found none, expected the body held against its six rigid motions (such as Fix on three points)"
+        )
     nodes, c = found.dofs // 3, found.dofs % 3
     direction = np.eye(3)[c]
     own = found.turned[nodes] >= 0

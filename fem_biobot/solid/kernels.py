@@ -33,7 +33,9 @@ def deformation_gradient(u, nodes, slopes, to_reference, F):
             for i in range(3):
                 for k in range(3):
                     F[i, k, e, q] = (
-                        H[i, 0] * to_reference[0, k, e] + H[i, 1] * to_reference[1, k, e] + H[i, 2] * to_reference[2, k, e]
+                        H[i, 0] * to_reference[0, k, e]
+                        + H[i, 1] * to_reference[1, k, e]
+                        + H[i, 2] * to_reference[2, k, e]
                     )
                 F[i, i, e, q] += 1.0
 
@@ -86,7 +88,7 @@ def extrapolated_stress(F, F_next, S, D, out):
 
 @njit(cache=True, nogil=True)
 def internal_force(nodes, slopes, to_reference, dV, F, S, force, magnitude):
-    """Add to `force` (n, 3) the internal force ``int P : dN/dX`` and to `magnitude` (n, 3) the sum of its element parts' sizes."""
+    """Add to `force` (n, 3) the internal force ``int P dN/dX``, to `magnitude` the sizes of its element parts."""
     n_basis = nodes.shape[0]
     n_points = slopes.shape[2]
     local = np.empty((n_basis, 3))
@@ -105,7 +107,9 @@ def internal_force(nodes, slopes, to_reference, dV, F, S, force, magnitude):
             for i in range(3):
                 for d in range(3):
                     T[i, d] = (
-                        P[i, 0] * to_reference[d, 0, e] + P[i, 1] * to_reference[d, 1, e] + P[i, 2] * to_reference[d, 2, e]
+                        P[i, 0] * to_reference[d, 0, e]
+                        + P[i, 1] * to_reference[d, 1, e]
+                        + P[i, 2] * to_reference[d, 2, e]
                     )
             for a in range(n_basis):
                 for i in range(3):
@@ -177,7 +181,9 @@ def tangent(nodes, slopes, to_reference, dV, F, S, D, row_start, rank, turned, t
                 for i in range(3):
                     for j in range(3):
                         for m in range(3):
-                            H[i, j, m] = dN[0, a] * A4[i, 0, j, m] + dN[1, a] * A4[i, 1, j, m] + dN[2, a] * A4[i, 2, j, m]
+                            H[i, j, m] = (
+                                dN[0, a] * A4[i, 0, j, m] + dN[1, a] * A4[i, 1, j, m] + dN[2, a] * A4[i, 2, j, m]
+                            )
                 for i in range(3):
                     for j in range(3):
                         h0 = H[i, j, 0]
@@ -204,14 +210,18 @@ def tangent(nodes, slopes, to_reference, dV, F, S, D, row_start, rank, turned, t
                     for i in range(3):
                         for j in range(3):
                             other[i, j] = (
-                                turns[i, 0, ta] * block[0, j] + turns[i, 1, ta] * block[1, j] + turns[i, 2, ta] * block[2, j]
+                                turns[i, 0, ta] * block[0, j]
+                                + turns[i, 1, ta] * block[1, j]
+                                + turns[i, 2, ta] * block[2, j]
                             )
                     block[:] = other
                 if tb >= 0:
                     for i in range(3):
                         for j in range(3):
                             other[i, j] = (
-                                block[i, 0] * turns[j, 0, tb] + block[i, 1] * turns[j, 1, tb] + block[i, 2] * turns[j, 2, tb]
+                                block[i, 0] * turns[j, 0, tb]
+                                + block[i, 1] * turns[j, 1, tb]
+                                + block[i, 2] * turns[j, 2, tb]
                             )
                     block[:] = other
                 r = rank[pair, e]

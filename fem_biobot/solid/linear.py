@@ -114,7 +114,7 @@ class Pardiso:
 
 
 class SuperLU:
-    """LU factorisation by SciPy's SuperLU, for machines without MKL; symmetric ordering, no pivoting off the diagonal."""
+    """LU factorisation by SciPy's SuperLU, for machines without MKL; symmetric ordering, diagonal pivots."""
 
     name = "SuperLU (SciPy)"
 

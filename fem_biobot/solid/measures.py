@@ -2,8 +2,8 @@
 
 Definitions, once: the *chord* is the line through the beam-axis points at the two ends of the flexible span, mid-width.
 *tip_closing* is the decrease of the distance between the two sole centroids, projected on the chord. *sagitta* is the
-distance of the beam-axis mid-span point from the chord. *muscle_force* is the resultant through the reference mid-section
-of the junction along the mean current normal of that section.
+distance of the beam-axis mid-span point from the chord. *muscle_force* is the resultant through the reference
+mid-section of the junction along the mean current normal of that section.
 """
 
 from __future__ import annotations
@@ -84,7 +84,9 @@ class Measurer:
                 raise MeshError(f"{name}: found no such surface in the mesh, expected one to measure by")
             triangles = self.model.mesh.surfaces[name]
             corners = self.model.mesh.points[:, triangles]
-            area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0), axis=0)
+            area = np.linalg.norm(
+                np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0), axis=0
+            )
             nodes = self._space.surface_nodes(triangles)
             # the mean of a quadratic field over a straight triangle is the mean of its three side midpoints
             carrying = nodes[3:] if len(nodes) == 6 else nodes
@@ -135,7 +137,9 @@ class Measurer:
         w = self._beyond_mid[space.nodes[:, muscle]]  # (b, e)
         cut = np.flatnonzero((w.min(axis=0) < 1.0) & (w.max(axis=0) > 0.0))
         if not cut.size:
-            raise MeshError(f"muscle: found no tissue across x = {self._mid:g} mm, expected the junction's mid-section there")
+            raise MeshError(
+                f"muscle: found no tissue across x = {self._mid:g} mm, expected the junction's mid-section there"
+            )
         elements = muscle[cut]
         slopes = np.einsum("bdq,dke->bkeq", space.slopes, space.to_reference[:, :, elements])
         gradient = np.einsum("be,bkeq->keq", w[:, cut], slopes)  # of the weight: carries the flux across the section
@@ -158,7 +162,9 @@ class Measurer:
         muscle[self.model.mesh.regions["muscle"]] = True
         volumes = np.where(inside & muscle[:, None], self._space.dV, 0.0)
         if not volumes.any():
-            raise MeshError("muscle: found no tissue in the junction's middle fifth, expected some (is the mesh too coarse?)")
+            raise MeshError(
+                "muscle: found no tissue in the junction's middle fifth, expected some (is the mesh too coarse?)"
+            )
         return volumes
 
     def fibre_stretch(self, state: SolidState) -> float:
@@ -167,7 +173,7 @@ class Measurer:
         return float(np.sum(state.stretch[inside] * self._middle_fifth[inside]) / self._middle_fifth.sum())
 
     def passive_fibre_stress(self, state: SolidState) -> float:
-        """Volume mean over the junction's middle fifth of the PASSIVE nominal stress along the fibre, ``a . P a0`` [kPa].
+        """Mean over the junction's middle fifth of the PASSIVE nominal stress along the fibre, ``a . P a0`` [kPa].
 
         Negative while the tissue is pressed together by its own tension; zero where tissue has remodelled.
         """
@@ -176,7 +182,7 @@ class Measurer:
         inside = self._middle_fifth > 0.0
         F, volumes = state.F[:, :, inside], self._middle_fifth[inside]
         S = passive.S[:, inside]
-        a0 = sum(c.a0 for c in system.contractions)[:, inside]
+        a0 = np.sum([c.a0 for c in system.contractions], axis=0)[:, inside]
         a = np.einsum("ik...,k...->i...", F, a0)
         stretch = np.sqrt(np.einsum("i...,i...->...", a, a))
         # a . P a0 = (F a0 / stretch) . F S a0
@@ -194,7 +200,7 @@ class Measurer:
         return probe(self.model.system, ball(centre, BALL_RADIUS))
 
     def ball_von_mises(self, state: SolidState) -> float:
-        """Volume mean of the von Mises stress in a ball of fixed radius about the short pillar's corner, mid-width [kPa].
+        """Mean von Mises stress in a ball of fixed radius about the short pillar's corner, mid-width [kPa].
 
         Unlike the peak at a sharp re-entrant corner, it converges with the mesh.
         """
@@ -218,7 +224,7 @@ class Measurer:
             "tension_kPa": state.step.tension * tension_unit(self.design) if muscle else None,
             "muscle_force_mN": self.muscle_force(state) if muscle else None,
             "eq3_force_mN": eq3_stiffness(self.design) * sagitta if sagitta is not None else None,
-            "tip_closing_mm": self.tip_closing(state),
+            "tip_closing_mm": self.tip_closing(state) if muscle else None,
             "sagitta_mm": sagitta,
             "tip_deflection_mm": None if bot or muscle else float(state.u[2] @ self._soles["tip"]),
             "fibre_stretch_1": self.fibre_stretch(state) if muscle else None,

@@ -1,7 +1,7 @@
 """A solid model and its solution: a mesh with laws, active tension, supports and loads; states returned, never stored.
 
-    model = SolidModel(mesh, materials={"skeleton": NeoHooke(319.4, 0.45)}, supports=[Fix("clamp")], loads=[...])
-    solution = solve(model, steps=[0.5, 1.0])
+model = SolidModel(mesh, materials={"skeleton": NeoHooke(319.4, 0.45)}, supports=[Fix("clamp")], loads=[...])
+solution = solve(model, steps=[0.5, 1.0])
 """
 
 from __future__ import annotations
@@ -89,7 +89,9 @@ class SolidModel:
             raise ModelError(f"materials: found {', '.join(materials)}, expected {', '.join(self.materials)}")
         changed = copy(self)
         object.__setattr__(changed, "materials", dict(materials))
-        laws = tuple((materials[name], elements) for name, (_, elements) in zip(self.materials, self.system.laws, strict=True))
+        laws = tuple(
+            (materials[name], elements) for name, (_, elements) in zip(self.materials, self.system.laws, strict=True)
+        )
         changed.__dict__["system"] = replace(self.system, laws=laws)
         return changed
 
@@ -317,7 +319,9 @@ def _state(model: SolidModel, found: Equilibrium, work: Counts) -> SolidState:
 
 
 def _equilibrium(system: System, state: SolidState) -> Equilibrium:
-    return Equilibrium(state.step, np.ascontiguousarray(state.u.T), state.points, state.internal_force.T, state.residual, 0)
+    return Equilibrium(
+        state.step, np.ascontiguousarray(state.u.T), state.points, state.internal_force.T, state.residual, 0
+    )
 
 
 def _advice(failure: PathFailedError) -> str:

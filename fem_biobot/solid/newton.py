@@ -59,9 +59,7 @@ class Counts:
 
     def since(self, before: Counts) -> Counts:
         """What was added since."""
-        return Counts(
-            self.newton - before.newton, self.factorisations - before.factorisations, self.cg - before.cg
-        )
+        return Counts(self.newton - before.newton, self.factorisations - before.factorisations, self.cg - before.cg)
 
 
 @dataclass
@@ -159,7 +157,7 @@ def newton(
     S_geo = points.S if S_carried is None else S_carried
     lift = step.load * held.values - system.to_local(u).ravel()[held.dofs]
     lifting = bool(np.any(np.abs(lift) > 0.0))
-    last = np.inf
+    last = norm = np.inf
     first = None
     solver.renew()
     for iteration in range(settings.max_iterations + 1):
@@ -190,14 +188,18 @@ def newton(
         if lifting:
             b[held.dofs] = data[system.diagonal] * lift
         # solve no further than Newton's own error of this iteration deserves
-        forcing = min(1e-2, max(0.1 * settings.tolerance * scale / norm, 0.1 * (norm / last) ** 2 if last < np.inf else 1e-3))
+        forcing = min(
+            1e-2, max(0.1 * settings.tolerance * scale / norm, 0.1 * (norm / last) ** 2 if last < np.inf else 1e-3)
+        )
         if lifting:
             forcing = 1e-8
         solver.counts.newton += 1
         try:
             delta = solver.solve(data, b, forcing)
         except NotPositiveDefiniteError:
-            raise StepFailedError("the tangent is not positive definite (loss of stability, or a trial too far)") from None
+            raise StepFailedError(
+                "the tangent is not positive definite (loss of stability, or a trial too far)"
+            ) from None
         last = norm
         lifting = False
         change = system.to_global(delta.reshape(-1, 3))
@@ -206,7 +208,9 @@ def newton(
         kernels.extrapolated_stress(points.F, F_next, points.S, points.D, S_geo)
         u += change
         points = _points(system, u, step, F_next)
-    raise StepFailedError(f"no convergence in {settings.max_iterations} iterations (residual {norm / scale:.2g} of the force scale)")
+    raise StepFailedError(
+        f"no convergence in {settings.max_iterations} iterations (residual {norm / scale:.2g} of the force scale)"
+    )
 
 
 def _points(system: System, u: Array, step: Step, F: Array | None = None) -> Points:

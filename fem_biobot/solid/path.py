@@ -86,7 +86,9 @@ def _subdivided(system: System, here: Step, target: Step) -> list[Step]:
     n = max(1, int(np.ceil(rise / _LONGEST_RISE - 1e-9)))
     ways = [k / n for k in range(n, 0, -1)]
     return [
-        target if s == 1.0 else Step(here.load + s * (target.load - here.load), here.tension + s * (target.tension - here.tension))
+        target
+        if s == 1.0
+        else Step(here.load + s * (target.load - here.load), here.tension + s * (target.tension - here.tension))
         for s in ways
     ]
 
@@ -128,10 +130,12 @@ def _predict(system: System, history: list[Equilibrium], goal: Step) -> tuple[Ar
         return last.u, None
     s = np.array([along for along, _ in chosen])
     weights = [float(np.prod([(1.0 - s[j]) / (s[i] - s[j]) for j in range(len(s)) if j != i])) for i in range(len(s))]
-    u = sum(w * state.u for w, (_, state) in zip(weights, chosen, strict=True))
-    S = sum(w * state.points.S for w, (_, state) in zip(weights, chosen, strict=True))
+    u, S = np.zeros_like(last.u), np.zeros_like(last.points.S)
+    for w, (_, state) in zip(weights, chosen, strict=True):
+        u += w * state.u
+        S += w * state.points.S
     try:
         system.points(system.deformation_gradient(u), 0.0, passive=False)
     except InvertedError:
         return last.u, None
-    return np.asarray(u), np.asarray(S)
+    return u, S

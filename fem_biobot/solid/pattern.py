@@ -47,9 +47,7 @@ def pattern(nodes: Ints, n_nodes: int) -> Pattern:
     first, second = np.triu_indices(n_basis)
     low = np.minimum(nodes[first], nodes[second])
     high = np.maximum(nodes[first], nodes[second])
-    graph = sparse.csr_matrix(
-        (np.ones(low.size, dtype=np.int8), (low.ravel(), high.ravel())), shape=(n_nodes, n_nodes)
-    )
+    graph = sparse.csr_matrix((np.ones(low.size, dtype=np.int8), (low.ravel(), high.ravel())), shape=(n_nodes, n_nodes))
     graph.sum_duplicates()
     graph.sort_indices()
     ptr, col = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)

@@ -22,7 +22,9 @@ def components(given: str | tuple[int, ...] | list[int]) -> tuple[int, ...]:
     try:
         found = tuple(_LETTERS[c] if isinstance(c, str) else int(c) for c in given)
     except (KeyError, TypeError, ValueError):
-        raise ModelError(f"components: found {given!r}, expected letters out of 'xyz' or numbers out of 0, 1, 2") from None
+        raise ModelError(
+            f"components: found {given!r}, expected letters out of 'xyz' or numbers out of 0, 1, 2"
+        ) from None
     if not found or len(set(found)) != len(found) or not set(found) <= {0, 1, 2}:
         raise ModelError(f"components: found {given!r}, expected each of 'xyz' at most once and at least one")
     return found

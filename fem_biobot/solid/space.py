@@ -6,7 +6,7 @@ Spaces, node numbers and quadrature come from scikit-fem; what is kept here is o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 import skfem
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class Element(str, Enum):
+class Element(StrEnum):
     """Displacement elements.
 
     * ``P2``: quadratic tetrahedra; sound up to a Poisson's ratio of about 0.49.
@@ -61,7 +61,7 @@ class Space:
 
     mesh: skfem.MeshTet
     element: Element
-    shape: skfem.Element
+    shape: skfem.ElementH1
     nodes: Ints
     points: Array
     slopes: Array
@@ -77,8 +77,11 @@ class Space:
     @property
     def quadrature_points(self) -> Array:
         """Reference positions of the quadrature points, (3, e, q) [mm]."""
-        return np.einsum("beq,ibe->ieq", np.broadcast_to(self.values[:, None, :], (*self.nodes.shape, self.values.shape[1])),
-                         self.points[:, self.nodes])
+        return np.einsum(
+            "beq,ibe->ieq",
+            np.broadcast_to(self.values[:, None, :], (*self.nodes.shape, self.values.shape[1])),
+            self.points[:, self.nodes],
+        )
 
     def surface_nodes(self, triangles: Ints) -> Ints:
         """Nodes of the facets, (3 or 6, f): corners, then the midpoints of sides 01, 12, 02.
@@ -90,14 +93,16 @@ class Space:
         sides = np.stack([triangles[[0, 1]], triangles[[1, 2]], triangles[[0, 2]]])  # (3, 2, f)
         sides = np.sort(sides, axis=1)
         n = self.mesh.p.shape[1]
-        edges = np.sort(self.mesh.edges, axis=0)
+        edges = np.sort(np.asarray(self.mesh.edges), axis=0)
         keys = edges[0] * n + edges[1]
         order = np.argsort(keys)
         wanted = sides[:, 0] * n + sides[:, 1]
         place = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
         found = order[place]
         if not np.array_equal(keys[found], wanted):
-            raise ModelError("surface: found a triangle whose side is no edge of the mesh, expected facets of the tetrahedra")
+            raise ModelError(
+                "surface: found a triangle whose side is no edge of the mesh, expected facets of the tetrahedra"
+            )
         return np.concatenate([triangles, n + found])
 
 

@@ -118,7 +118,9 @@ def probe(system: System, X: Array) -> Probe:
     corners = space.points[:, space.nodes[:4]]
     low, high = corners.min(axis=1), corners.max(axis=1)
     margin = 1e-9 * np.ptp(space.points, axis=1).max()
-    near = np.flatnonzero(np.all((low <= X.max(axis=1)[:, None] + margin) & (high >= X.min(axis=1)[:, None] - margin), axis=0))
+    near = np.flatnonzero(
+        np.all((low <= X.max(axis=1)[:, None] + margin) & (high >= X.min(axis=1)[:, None] - margin), axis=0)
+    )
     found = np.full(X.shape[1], -1)
     best = np.full(X.shape[1], -np.inf)
     for e in near:

@@ -25,13 +25,12 @@ from fem_biobot.solid.pattern import Pattern, pattern
 from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
 from fem_biobot.solid.space import Element, Ints, Space, space
 
-
 # place of component (a, b), a <= b, in the packed upper triangle of a 6 by 6 matrix
 PACKED_PLACE = {(a, b): 6 * a - a * (a - 1) // 2 + b - a for a in range(6) for b in range(a, 6)}
 
 
 class Points(NamedTuple):
-    """What the laws say at every quadrature point: ``F`` (3, 3, e, q), packed ``S`` and ``D``, energy ``psi`` (e, q)."""
+    """What the laws say at every point: ``F`` (3, 3, e, q), packed ``S`` and ``D``, energy ``psi`` (e, q)."""
 
     F: Array
     S: Array

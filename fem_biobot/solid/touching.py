@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fem_biobot.material.law import Array
 from fem_biobot.mesh.body import BodyMesh
@@ -33,7 +33,9 @@ def interpenetration(mesh: BodyMesh, u: Array) -> tuple[Ints, Ints]:
     """
     x = mesh.points + u[:, : mesh.points.shape[1]]
     cells = mesh.cells
-    faces = np.sort(np.concatenate([cells[[1, 2, 3]], cells[[0, 2, 3]], cells[[0, 1, 3]], cells[[0, 1, 2]]], axis=1), axis=0)
+    faces = np.sort(
+        np.concatenate([cells[[1, 2, 3]], cells[[0, 2, 3]], cells[[0, 1, 3]], cells[[0, 1, 2]]], axis=1), axis=0
+    )
     owner = np.tile(np.arange(cells.shape[1]), 4)
     n = mesh.points.shape[1]
     keys = (faces[0] * n + faces[1]) * n + faces[2]
@@ -44,7 +46,7 @@ def interpenetration(mesh: BodyMesh, u: Array) -> tuple[Ints, Ints]:
     corners = x[:, cells[:, elements]]  # (3, 4, k)
     centres = corners.mean(axis=1)
     radius = np.linalg.norm(corners - centres[:, None], axis=0).max(axis=0)
-    tree = cKDTree(x[:, vertices].T)
+    tree = KDTree(x[:, vertices].T)
     near = tree.query_ball_point(centres.T, radius)
     which = np.repeat(np.arange(len(elements)), [len(found) for found in near])
     candidates = vertices[np.concatenate([np.asarray(found, dtype=np.int64) for found in near])]
@@ -66,7 +68,12 @@ def touching_parts(mesh: BodyMesh, u: Array) -> str:
     belongs = np.zeros(mesh.points.shape[1], dtype=np.int64)
     for k in range(len(names)):
         belongs[mesh.cells[:, region_of == k]] = k
-    pairs = sorted({" against ".join(sorted((names[belongs[v]], names[region_of[e]]))) for v, e in zip(vertices, elements, strict=True)})
+    pairs = sorted(
+        {
+            " against ".join(sorted((names[belongs[v]], names[region_of[e]])))
+            for v, e in zip(vertices, elements, strict=True)
+        }
+    )
     where = mesh.points[0, vertices]
     near = f"x = {where.min():.2g} mm" if np.ptp(where) < 1.0 else f"x = {where.min():.2g} and {where.max():.2g} mm"
     return f"{', '.join(pairs)} at {np.unique(vertices).size} vertices near {near} of the undeformed body"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import fsolve
+from scipy.optimize import root
 
 from fem_biobot.design import Design
 from fem_biobot.material.law import lame
@@ -20,6 +20,9 @@ from fem_biobot.study.paper import (
 )
 
 State = Mapping[str, Any]
+
+# the quantities whose error is estimated
+_WITH_ERROR = ("tip_closing_mm", "muscle_force_mN", "tip_deflection_mm", "fibre_stretch_1", "ball_von_mises_kPa")
 
 
 def strokes(states: Sequence[State]) -> dict[str, dict[str, Any]]:
@@ -42,7 +45,9 @@ def strokes(states: Sequence[State]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def beside_paper(design: Design, states: Sequence[State], stroke: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+def beside_paper(
+    design: Design, states: Sequence[State], stroke: Mapping[str, Mapping[str, Any]]
+) -> list[dict[str, Any]]:
     """Rows of a bot's numbers beside the printed ones; nothing is tuned, differences stand as they are."""
     rows: list[dict[str, Any]] = []
     by_key = {s["key"]: s for s in states}
@@ -73,7 +78,11 @@ def beside_closed_form(design: Design, states: Sequence[State]) -> list[dict[str
             _row(
                 f"fibre stretch at {s['tension_kPa']:.4g} kPa",
                 s["fibre_stretch_1"],
-                Printed(free_contraction(material.young, material.poisson, s["tension_kPa"])[0], "1", "free contraction, neo-Hooke, along the fibre"),
+                Printed(
+                    free_contraction(material.young, material.poisson, s["tension_kPa"])[0],
+                    "1",
+                    "free contraction, neo-Hooke, along the fibre",
+                ),
             )
             for s in states
             if abs(design.muscle.theta - np.pi / 2) < 1e-9 and s["key"] != "rest"
@@ -94,7 +103,7 @@ def beside_closed_form(design: Design, states: Sequence[State]) -> list[dict[str
 def free_contraction(young: float, poisson: float, tension: float) -> tuple[float, float]:
     """Stretches along and across the fibre of a free compressible neo-Hookean body under nominal tension [1].
 
-    Solves ``P = 0`` in both directions: ``mu (s - 1/s) + lmbda ln(J)/s + T = 0`` and ``mu (w - 1/w) + lmbda ln(J)/w = 0``
+    Solves ``P = 0`` along, ``mu (s - 1/s) + lmbda ln(J)/s + T = 0``, and across, ``mu (w - 1/w) + lmbda ln(J)/w = 0``,
     with ``J = s w^2``; `young` and `tension` in kPa.
     """
     lmbda, mu = lame(young, poisson)
@@ -104,14 +113,16 @@ def free_contraction(young: float, poisson: float, tension: float) -> tuple[floa
         pressure = lmbda * np.log(s * w * w)
         return [(mu * (s * s - 1.0) + pressure + tension * s) / mu, (mu * (w * w - 1.0) + pressure) / mu]
 
-    s, w = np.exp(fsolve(residual, [-tension / (3.0 * mu + tension), 0.5 * poisson * tension / (3.0 * mu + tension)], xtol=1e-13))
-    return float(s), float(w)
+    strain = tension / (3.0 * mu + tension)
+    logarithms = root(residual, [-strain, 0.5 * poisson * strain], tol=1e-13).x
+    return float(np.exp(logarithms[0])), float(np.exp(logarithms[1]))
 
 
 def timoshenko_tip(design: Design) -> float:
-    """Small tip deflection of a cantilever, ``F L^3 / (3 E I) + F L / (5/6 G A)`` [mm]; sections free to curve across."""
+    """Small tip deflection of a cantilever, ``F L^3 / (3 E I) + F L / (5/6 G A)`` [mm]; sections may curve across."""
     skeleton, load = design.skeleton, design.load
-    assert skeleton is not None and load is not None
+    assert skeleton is not None
+    assert load is not None
     young, poisson = skeleton.material.young, skeleton.material.poisson
     shear = young / (2.0 * (1.0 + poisson))
     area = skeleton.beam_width * skeleton.beam_thickness
@@ -136,14 +147,16 @@ def error_estimate(states: Sequence[State], coarse: Sequence[State], ratio: floa
     """
     rows = []
     by_key = {s["key"]: s for s in coarse}
+    scale = {name: max((abs(s[name]) for s in states if s.get(name) is not None), default=0.0) for name in _WITH_ERROR}
     for state in states:
         other = by_key.get(state["key"])
         if other is None or state["key"] == "rest":
             continue
-        for name in ("tip_closing_mm", "muscle_force_mN", "tip_deflection_mm", "fibre_stretch_1", "ball_von_mises_kPa"):
+        for name in _WITH_ERROR:
             value, before = state.get(name), other.get(name)
-            # a state defined by its force has no error in the force
-            if value is None or before is None or (name == "muscle_force_mN" and state["key"].startswith("force")):
+            # a state defined by its force has no error in the force; what is zero but for rounding has none to tell
+            defined = name == "muscle_force_mN" and state["key"].startswith("force")
+            if value is None or before is None or defined or abs(value) <= max(1e-6 * scale[name], 1e-9):
                 continue
             error = abs(value - before) / (ratio - 1.0)
             rows.append(

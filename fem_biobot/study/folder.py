@@ -11,6 +11,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -70,18 +71,19 @@ class ResultFolder:
         if holds is None:
             if any(self.path.iterdir()):
                 raise FileError(
-                    f"{self.path}: found files that are no result of this program, expected an empty or new folder; give another --out"
+                    f"{self.path}: found files that are no result of this program, expected an empty or new folder; "
+                    "give another --out"
                 )
             return None
         if holds.get("design_digest") != self.job["design_digest"]:
             raise FileError(
-                f"{self.path}: found the result of another design (digest {holds.get('design_digest')}), expected this one's "
-                f"({self.job['design_digest']}) or an empty folder; give another --out, or --force to redo it here"
+                f"{self.path}: found the result of another design (digest {holds.get('design_digest')}), expected this "
+                f"one's ({self.job['design_digest']}) or an empty folder; give another --out, or --force to redo it"
             )
         if holds.get("mesh") != self.job["mesh"]:
             raise FileError(
-                f"{self.path}: found this design's result on another mesh ({holds.get('mesh')}), expected {self.job['mesh']}; "
-                "give another --out, or --force to redo it here"
+                f"{self.path}: found this design's result on another mesh ({holds.get('mesh')}), expected "
+                f"{self.job['mesh']}; give another --out, or --force to redo it here"
             )
         summary = self._read(self.path / SUMMARY)
         same = summary is not None and summary.get("complete") and summary.get("job") == self.job
@@ -90,7 +92,10 @@ class ResultFolder:
     def clear(self) -> None:
         """Forget the result that is here; refuses a folder that is not ours."""
         if self.path.is_dir() and any(self.path.iterdir()) and self._held_job() is None:
-            raise FileError(f"{self.path}: found files that are no result of this program, so --force leaves them; give another --out")
+            raise FileError(
+                f"{self.path}: found files that are no result of this program, so --force leaves them; "
+                "give another --out"
+            )
         try:
             (self.path / SUMMARY).unlink(missing_ok=True)
             shutil.rmtree(self.unfinished, ignore_errors=True)
@@ -134,9 +139,10 @@ class ResultFolder:
         try:
             with np.load(file) as data:
                 load, tension = (float(x) for x in data["step"])
-                work = dict(zip(("residual", "newton", "factorisations", "cg"), map(float, data["work"]), strict=True))
+                residual, newton, factorisations, cg = map(float, data["work"])
+                work = {"residual": residual, "newton": newton, "factorisations": factorisations, "cg": cg}
                 return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work)
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise FileError(f"{file}: cannot be read ({error}), expected a saved state; --force starts anew") from None
 
     def _held_job(self) -> dict[str, str] | None:
@@ -154,4 +160,6 @@ class ResultFolder:
         except FileNotFoundError:
             return None
         except (OSError, ValueError) as error:
-            raise FileError(f"{file}: cannot be read ({error}), expected a whole JSON file; give another --out") from None
+            raise FileError(
+                f"{file}: cannot be read ({error}), expected a whole JSON file; give another --out"
+            ) from None

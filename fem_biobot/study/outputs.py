@@ -25,6 +25,13 @@ from fem_biobot.vtk import nodal_mean_of_nodes, split_by_region, write_pvd, writ
 
 Array = np.ndarray
 
+# what the report shows of each state
+_STATE_COLUMNS = (
+    "label", "tension_kPa", "muscle_force_mN", "eq3_force_mN", "tip_closing_mm", "tip_deflection_mm", "sagitta_mm",
+    "fibre_stretch_1", "max_von_mises_kPa", "ball_von_mises_kPa", "strain_energy_uJ", "muscle_work_uJ",
+    "newton_iterations_1", "factorisations_1", "touching",
+)  # fmt: skip
+
 
 def element_fields(state: SolidState) -> dict[str, Array]:
     """Element means of a state for pictures and VTK; fibre fields are zero where there are no fibres."""
@@ -90,7 +97,9 @@ def write_state(path: Path, state: SolidState) -> None:
 
 def _packed(values: Array) -> Array:
     """Symmetric tensors in VTK's six components; everything else as it is."""
-    if values.ndim == 3 and np.allclose(values, values.swapaxes(0, 1), rtol=0.0, atol=1e-12 * max(1.0, np.abs(values).max())):
+    if values.ndim == 3 and np.allclose(
+        values, values.swapaxes(0, 1), rtol=0.0, atol=1e-12 * max(1.0, np.abs(values).max())
+    ):
         return np.stack([values[0, 0], values[1, 1], values[2, 2], values[0, 1], values[1, 2], values[0, 2]])
     return values
 
@@ -188,19 +197,30 @@ def plot(folder: Path, design: Design, states: Sequence[Mapping[str, Any]]) -> l
         skeleton = design.skeleton
         assert skeleton is not None
         linear = design.moment_arm * design.span * heights / (2.0 * skeleton.material.young * design.second_moment)
-        force_stroke(figures / "force_stroke.png", curves, linear=linear, title=f"{design.name}: muscle force and tip closing")
-        out.append((figures / "force_stroke.png", f"Muscle force against tip closing; Eq. 3 stiffness {eq3_stiffness(design):.3g} mN/mm."))
+        force_stroke(
+            figures / "force_stroke.png", curves, linear=linear, title=f"{design.name}: muscle force and tip closing"
+        )
+        out.append(
+            (
+                figures / "force_stroke.png",
+                f"Muscle force against tip closing; Eq. 3 stiffness {eq3_stiffness(design):.3g} mN/mm.",
+            )
+        )
     tension_path(
         figures / "tension_path.png", column("tension_kPa"), fibre_stretch=column("fibre_stretch_1"),
         muscle_force=column("muscle_force_mN"), tip_closing=column("tip_closing_mm"),
         sagitta=column("sagitta_mm") if design.kind == "bot" else None, marks=marks,
     )  # fmt: skip
-    out.append((figures / "tension_path.png", "Fibre stretch, force and shape along the tension path, tissue as moulded."))
+    out.append(
+        (figures / "tension_path.png", "Fibre stretch, force and shape along the tension path, tissue as moulded.")
+    )
     series = {"highest in the mesh": column("max_von_mises_kPa")}
     if design.kind == "bot":
         series["mean in 0.3 mm about the corner"] = column("ball_von_mises_kPa")
     von_mises_path(figures / "von_mises.png", column("tension_kPa"), series, marks=marks)
-    out.append((figures / "von_mises.png", "Von Mises stress; the highest value at a sharp corner grows with refinement."))
+    out.append(
+        (figures / "von_mises.png", "Von Mises stress; the highest value at a sharp corner grows with refinement.")
+    )
     return out
 
 
@@ -217,12 +237,11 @@ def write_run_report(
         tables.append(_table("Passive state and stroke", rows))
     if solid.get("error_estimate"):
         tables.append(_table("Error of the mesh, from two sizes", solid["error_estimate"]))
-    wanted = ("label", "tension_kPa", "muscle_force_mN", "eq3_force_mN", "tip_closing_mm", "tip_deflection_mm", "sagitta_mm",
-              "fibre_stretch_1", "max_von_mises_kPa", "ball_von_mises_kPa", "strain_energy_uJ", "muscle_work_uJ",
-              "newton_iterations_1", "factorisations_1", "touching")  # fmt: skip
-    kept = [name for name in wanted if any(s.get(name) not in (None, "") for s in solid["states"])]
+    kept = [name for name in _STATE_COLUMNS if any(s.get(name) not in (None, "") for s in solid["states"])]
     tables.append(_table("States", [{name: s.get(name) for name in kept} for s in solid["states"]]))
-    write_report(folder / "report.html", summary, figures, tables, summary["notes"], title=f"{design.name}: stress and stroke")
+    write_report(
+        folder / "report.html", summary, figures, tables, summary["notes"], title=f"{design.name}: stress and stroke"
+    )
 
 
 def _table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:

@@ -27,6 +27,8 @@ _FORCE_TOLERANCE = 1e-4
 _STRESS_TOLERANCE = 2e-3
 # first and longest step of the logarithm of the natural stretch on the way to it
 _FIRST_LN_STRETCH, _LONGEST_LN_STRETCH = 0.08, 0.25
+# tissue that would have to shorten beyond this has no skeleton to stand against
+_SHORTEST_NATURAL_STRETCH = 0.3
 # residual at which a trial of a natural stretch is accepted
 _TRIAL_TOLERANCE = 1e-5
 
@@ -130,7 +132,9 @@ class Solver:
         self._remember(found.state)
         self.natural_stretch = found.natural_stretch
 
-    def restore(self, wanted: Wanted, u: np.ndarray, step: Step, natural_stretch: float, work: dict[str, float]) -> Found:
+    def restore(
+        self, wanted: Wanted, u: np.ndarray, step: Step, natural_stretch: float, work: dict[str, float]
+    ) -> Found:
         """Rebuild a saved state on this solver's models."""
         if wanted.reference == "remodelled" and self.natural_stretch != natural_stretch:
             self.model = remodelled(self.moulded, self.design, natural_stretch)
@@ -190,7 +194,9 @@ class Solver:
                 return replace(
                     state, newton_iterations=int(work[0]), factorisations=int(work[1]), cg_iterations=int(work[2])
                 )
-        raise SolveError(f"muscle force of {force:g} mN: not met in 8 tensions, the last gave {self.seen[-1][1]:.4g} mN")
+        raise SolveError(
+            f"muscle force of {force:g} mN: not met in 8 tensions, the last gave {self.seen[-1][1]:.4g} mN"
+        )
 
     def _tension_guess(self, force: float) -> float:
         """Tension at which the force is expected: through the three states nearest in force."""
@@ -216,10 +222,17 @@ class Solver:
         path = [(0.0, state, self.measurer.passive_fibre_stress(state))]
         longest = _FIRST_LN_STRETCH
         rough = replace(self.settings, tolerance=max(self.settings.tolerance, _TRIAL_TOLERANCE))
+        stress = path[-1][2]
         for _ in range(40):
             ln_s, state, stress = path[-1]
             if abs(stress) <= _STRESS_TOLERANCE * wanted.tension:
                 break
+            if ln_s < np.log(_SHORTEST_NATURAL_STRETCH):
+                raise SolveError(
+                    f"remodelled tissue: at {np.exp(ln_s):.2g} of its moulded length it is still pressed together by "
+                    f"{-stress:.2g} of {wanted.tension:.4g} kPa, so this skeleton cannot hold the whole standing tension; "
+                    "try a stiffer beam or a lower passive tension"
+                )
             ahead = -longest
             if len(path) > 1:
                 ahead = float(np.clip(-stress * (ln_s - path[-2][0]) / (stress - path[-2][2]), -longest, longest))
@@ -235,7 +248,9 @@ class Solver:
             stress = Measurer(self.design, self.model).passive_fibre_stress(state)
             path = [*path[-2:], (ln_s + ahead, state, stress)]
         else:
-            raise SolveError(f"remodelled tissue: no natural stretch found in 40 trials, the last left {stress:.2g} kPa")
+            raise SolveError(
+                f"remodelled tissue: no natural stretch found in 40 trials, the last left {stress:.2g} kPa"
+            )
         ln_s, state, _ = path[-1]
         self.natural_stretch = float(np.exp(ln_s))
         self.model = state.model

@@ -1,4 +1,4 @@
-"""What long work tells its surroundings while it goes on; the command line shows it, tests and scripts may ignore it."""
+"""What long work tells its surroundings while it goes on; the command line shows it, scripts may ignore it."""
 
 from __future__ import annotations
 

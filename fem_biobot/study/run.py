@@ -9,6 +9,7 @@ import hashlib
 import time
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
+from itertools import pairwise
 from pathlib import Path
 from platform import python_version
 from typing import Any
@@ -165,7 +166,15 @@ class _Job:
             if saved is not None:
                 found = solver.restore(each, saved.u, saved.step, saved.natural_stretch, saved.work)
             else:
-                found = solver.solve(each)
+                try:
+                    found = solver.solve(each)
+                except SolveError as failure:
+                    if each.reference == self.design.value("muscle.reference") or each.reference == "as_moulded":
+                        raise
+                    # the other reference state is a bound beside the design's own: its absence is said, not fatal
+                    self._note(f"{each.label}: left out: {failure}")
+                    self.reporter.advance(f"{each.label}: left out")
+                    break
                 self.folder.save(found)
             self._take(solver, found)
             self.reporter.advance(each.label)
@@ -253,24 +262,21 @@ class _Job:
         }
 
     def _add_work(self, solver: Solver) -> None:
-        """Work of the muscle along the moulded path; the remodelled tissue's path is not a loading path of one body."""
+        """Work of the muscle, from the unstressed body; for remodelled tissue from its own passive state."""
         for state in self.states:
-            state["muscle_work_uJ"] = None
+            state["muscle_work_uJ"] = 0.0
         if self.design.muscle is None:
             return
-        path = sorted(
-            ((f.state.step.tension, solver.measurer.tension_length(f.state), s) for f, s in zip(self.found, self.states, strict=True)
-             if f.wanted.reference == "as_moulded"),
-            key=lambda entry: entry[0],
-        )  # fmt: skip
-        moving = [entry for entry in path if entry[0] > 0.0]
-        for (_, _, state), work in zip(
-            moving, muscle_work([e[0] for e in moving], [e[1] for e in moving]), strict=True
-        ):
+        rows = [
+            (f.wanted.reference, f.state.step.tension, solver.measurer.tension_length(f.state), s)
+            for f, s in zip(self.found, self.states, strict=True)
+        ]
+        path = sorted((r for r in rows if r[0] == "as_moulded" and r[1] > 0.0), key=lambda row: row[1])
+        for (_, _, _, state), work in zip(path, muscle_work([r[1] for r in path], [r[2] for r in path]), strict=True):
             state["muscle_work_uJ"] = work
-        for tension, _, state in path:
-            if tension == 0.0:
-                state["muscle_work_uJ"] = 0.0
+        other = [r for r in rows if r[0] == "remodelled"]
+        for (_, before, length, _), (_, tension, length_now, state) in pairwise(other):
+            state["muscle_work_uJ"] = -0.5 * (before + tension) * (length_now - length)
 
     def _write_tables(self, summary: dict[str, Any]) -> None:
         tables = self.folder.path / "tables"
@@ -288,7 +294,9 @@ class _Job:
 
     def _show(self, summary: dict[str, Any]) -> None:
         self.reporter.stage("pictures", 3)
-        prefix = "remodelled_" if self.design.value("muscle.reference") == "remodelled" and self.design.kind == "bot" else ""
+        prefix = (
+            "remodelled_" if self.design.value("muscle.reference") == "remodelled" and self.design.kind == "bot" else ""
+        )
         pictured = ("load_4", f"{prefix}passive", f"{prefix}peak")
         shown = [f for f in self.found if f.wanted.key in pictured]
         files, note = outputs.draw(self.folder.path, self.design, shown)

@@ -34,8 +34,8 @@ class Shape:
     displacement
         At the nodes, (3, n) [mm].
     von_mises, fibre_stretch, fibre_stress
-        Element means (e,), or what each element says at its own nodes (b, e) [kPa, 1, kPa]; the fibre fields are read on
-        the muscle only. None leaves their pictures out.
+        Element means (e,), or what each element says at its own nodes (b, e) [kPa, 1, kPa]; the fibre fields are read
+        on the muscle only. None leaves their pictures out.
     """
 
     key: str

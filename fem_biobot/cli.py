@@ -211,7 +211,7 @@ def verdict(error: BaseException) -> tuple[int, str]:
 def _usage(error: Any) -> str:
     """A usage error of typer in one line: what, and the nearest option where there is one."""
     option, near = getattr(error, "option_name", None), getattr(error, "possibilities", None)
-    if near is not None or type(error).__name__ == "NoSuchOption":
+    if type(error).__name__ == "NoSuchOption":
         text = f"{option}: no such option" + (f"; did you mean {near[0]}?" if near else "")
     else:
         text = error.format_message().rstrip(".")

@@ -463,6 +463,25 @@ def test_options_reach_the_job(
     assert not out.exists()
 
 
+def test_json_stays_alone_whatever_the_work_prints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a library prints on the way goes to standard error.
+
+    Catches: a chatty library that spoils the JSON of a script.
+    """
+    from fem_biobot.study import run as study
+
+    def chatty(*_: object, **__: object) -> dict[str, object]:
+        print("hello from a library")  # noqa: T201
+        return {"notes": ["a note"], "speed_mm_per_s": 1.5}
+
+    monkeypatch.setattr(study, "run", chatty)
+    said = call(capsys, "run", "strip", "--out", tmp_path / "out", "--json")
+    assert json.loads(said.out) == {"notes": ["a note"], "speed_mm_per_s": 1.5}
+    assert said.err.splitlines() == ["hello from a library", "note: a note"]
+
+
 def test_names_of_designs_do_not_lead_out_of_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A design named like a path gets a harmless folder.
 

@@ -230,7 +230,7 @@ class Solver:
             if ln_s < np.log(_SHORTEST_NATURAL_STRETCH):
                 raise SolveError(
                     f"remodelled tissue: at {np.exp(ln_s):.2g} of its moulded length it is still pressed together by "
-                    f"{-stress:.2g} of {wanted.tension:.4g} kPa, so this skeleton cannot hold the whole standing tension; "
+                    f"{-stress:.2g} of {wanted.tension:.4g} kPa: this skeleton cannot hold the whole standing tension; "
                     "try a stiffer beam or a lower passive tension"
                 )
             ahead = -longest

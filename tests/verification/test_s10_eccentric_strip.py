@@ -1,6 +1,6 @@
 """S10: a contracting strip in series with a beam, at small strain.
 
-Problem: the junction bot with pillars made rigid (their elements get a modulus 10^4 times higher) and a soft muscle, at a
+Problem: the junction bot with pillars made rigid (a modulus 10^4 times higher) and a soft muscle, at a
     tension that turns the beam's ends by about a thousandth.
 Exact answer: end rotation F h L/(2EI), closure F h^2 L/(EI) + F L/(EA), mid-span rise F h L^2/(8EI), strip force
     T A/(1 + E A c/L) (tests/oracles/beam.py); with Poisson's ratio between a beam's EI and a plate's EI/(1 - nu^2).

@@ -51,10 +51,15 @@ class SolveError(BiobotError):
     ----------
     best
         What was reached before the failure (a solution with the converged states), or None.
+    reason, reached, wanted
+        Why the last try failed, and the steps between which it lies, where a path of steps failed.
     """
 
     exit_code = 3
 
-    def __init__(self, message: str, best: Any = None) -> None:
+    def __init__(
+        self, message: str, best: Any = None, *, reason: str = "", reached: Any = None, wanted: Any = None
+    ) -> None:
         super().__init__(message)
         self.best = best
+        self.reason, self.reached, self.wanted = reason, reached, wanted

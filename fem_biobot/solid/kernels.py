@@ -8,7 +8,12 @@ axes last, but nodal vectors are (n, 3) so that one node lies together. Symmetri
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from fem_biobot.compile_cache import ensure_cache_folder
+
+ensure_cache_folder()
+
+from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
 _FIRST = np.array([0, 1, 2, 0, 1, 0])
 _SECOND = np.array([0, 1, 2, 1, 2, 2])

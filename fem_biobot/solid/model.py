@@ -308,7 +308,8 @@ def solve(
             if on_state:
                 on_state(states[-1])
     except PathFailedError as failure:
-        raise SolveError(_advice(failure), finished()) from None
+        reason, reached, asked = str(failure), failure.reached, failure.wanted
+        raise SolveError(_advice(failure), finished(), reason=reason, reached=reached, wanted=asked) from None
     return finished()
 
 

@@ -23,6 +23,8 @@ from fem_biobot.study.plan import Found
 SUMMARY = "summary.json"
 _UNFINISHED = ".unfinished"
 _JOB = "job.json"
+# what a result consists of; cleared before another one takes its place
+_OURS = ("solid_*.vtu", "solid.pvd", "design.toml", "report.html", "tables/*.csv", "figures/*.png")
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class ResultFolder:
             raise FileError(f"{self.path}: found a file, expected a folder for the result")
         holds = self._held_job()
         if holds is None:
-            if any(self.path.iterdir()):
+            if self._holds_strangers():
                 raise FileError(
                     f"{self.path}: found files that are no result of this program, expected an empty or new folder; "
                     "give another --out"
@@ -91,13 +93,16 @@ class ResultFolder:
 
     def clear(self) -> None:
         """Forget the result that is here; refuses a folder that is not ours."""
-        if self.path.is_dir() and any(self.path.iterdir()) and self._held_job() is None:
+        if self.path.is_dir() and self._held_job() is None and self._holds_strangers():
             raise FileError(
                 f"{self.path}: found files that are no result of this program, so --force leaves them; "
                 "give another --out"
             )
         try:
             (self.path / SUMMARY).unlink(missing_ok=True)
+            for pattern in _OURS:
+                for file in self.path.glob(pattern):
+                    file.unlink()
             shutil.rmtree(self.unfinished, ignore_errors=True)
         except OSError as error:
             raise file_error(error, self.path) from None
@@ -144,6 +149,10 @@ class ResultFolder:
                 return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work)
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise FileError(f"{file}: cannot be read ({error}), expected a saved state; --force starts anew") from None
+
+    def _holds_strangers(self) -> bool:
+        """Whether anything lies here but the empty mark of a job that could not write its first file."""
+        return any(entry.name != _UNFINISHED or any(entry.iterdir()) for entry in self.path.iterdir())
 
     def _held_job(self) -> dict[str, str] | None:
         """The job whose result or beginning is here, None if the folder is not ours."""

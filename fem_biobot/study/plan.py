@@ -169,9 +169,31 @@ class Solver:
         trial: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> SolidState:
         settings = settings or self.settings
-        return solve(
-            self.model, [step], settings=settings, start=start, trial=trial, observe=self._observe, solver=self.solver
-        ).last
+        try:
+            found = solve(
+                self.model,
+                [step],
+                settings=settings,
+                start=start,
+                trial=trial,
+                observe=self._observe,
+                solver=self.solver,
+            )
+            return found.last
+        except SolveError as failure:
+            raise self._in_kPa(failure) from None
+
+    def _in_kPa(self, failure: SolveError) -> SolveError:
+        """The same failure with its factors told as tensions, where tension is what was raised."""
+        if self.design.muscle is None or failure.wanted is None:
+            return failure
+        unit = tension_unit(self.design)
+        text = (
+            f"no equilibrium between {failure.reached.tension * unit:.4g} kPa of tension (reached) and "
+            f"{failure.wanted.tension * unit:.4g} kPa (asked): {failure.reason}; try a lower tension, a stiffer design "
+            "or another mesh size"
+        )
+        return SolveError(text, failure.best, reason=failure.reason, reached=failure.reached, wanted=failure.wanted)
 
     def _observe(self, kind: str, values: dict[str, float]) -> None:
         if kind == "iteration":

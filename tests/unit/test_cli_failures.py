@@ -71,12 +71,7 @@ def test_a_failed_result_is_not_taken_for_a_whole_one(tmp_path: Path, capsys: py
     assert len(said.err.splitlines()) == 1
 
 
-FIRST_FILE = pytest.param(
-    0, marks=pytest.mark.xfail(strict=True, reason="a folder whose very first file failed is not known as ours again")
-)
-
-
-@pytest.mark.parametrize("after", [FIRST_FILE, 3, 9])
+@pytest.mark.parametrize("after", [0, 3, 9])
 def test_a_full_disk_ends_with_code_3_and_whole_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], after: int
 ) -> None:

@@ -1,0 +1,27 @@
+"""Where numba keeps compiled kernels: next to the package, in the user's cache folder, or for want of both in a
+temporary folder. Imported before numba, which refuses to load where it finds no folder to write to.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+
+def ensure_cache_folder() -> None:
+    """Give numba a temporary folder where it has no writable one of its own."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return
+    package = Path(__file__).resolve().parent
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    if any(_writable(folder) for folder in (package, home)):
+        return
+    os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"fem_biobot_kernels_{os.getuid()}")
+
+
+def _writable(folder: Path) -> bool:
+    """Whether a file could be made in the folder or, if it does not exist, in the nearest one above it."""
+    while not folder.exists():
+        folder = folder.parent
+    return os.access(folder, os.W_OK | os.X_OK)

@@ -115,9 +115,13 @@ def test_other_failures_of_pardiso_are_told(monkeypatch: pytest.MonkeyPatch, pha
     run = Pardiso._run
     monkeypatch.setattr(Pardiso, "_run", lambda self, p, *rest: -2 if p == phase else run(self, p, *rest))
     factor = Pardiso(PATTERN)
-    with pytest.raises(MemoryError, match=f"{word} failed with code -2"):
+
+    def solve_once() -> None:
         factor.factor(_stiffness())
         factor.solve(np.ones(PATTERN.n_dofs))
+
+    with pytest.raises(MemoryError, match=f"{word} failed with code -2"):
+        solve_once()
 
 
 def test_superlu_refuses_a_singular_matrix() -> None:

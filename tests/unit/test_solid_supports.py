@@ -172,7 +172,7 @@ def test_unknown_places_are_refused(where: object) -> None:
 
     Catches: the nearest vertex taken.
     """
-    with pytest.raises(ModelError, match=r"found no (surface or point named 'lid', expected one of x0|vertex there)"):
+    with pytest.raises(ModelError, match=r"found no (surface or point named 'lid', expected one of x0|vertex)"):
         _model(Fix("x0"), Fix(where))
 
 

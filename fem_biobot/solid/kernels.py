@@ -194,7 +194,7 @@ def tangent(nodes, slopes, to_reference, dV, F, S, D, row_start, rank, turned, t
                         h0 = H[i, j, 0]
                         h1 = H[i, j, 1]
                         h2 = H[i, j, 2]
-                        for b in range(n_basis):
+                        for b in range(a, n_basis):
                             K[a, i, j, b] += h0 * dN[0, b] + h1 * dN[1, b] + h2 * dN[2, b]
         pair = 0
         for a in range(n_basis):
@@ -266,3 +266,30 @@ def symmetric_product(starts, columns, data, x, y):
             total += data[p] * x[j]
             y[j] += data[p] * xi
         y[i] += total
+
+
+@njit(cache=True, nogil=True)
+def inner_product(x, y):
+    """Inner product of two vectors."""
+    total = 0.0
+    for i in range(x.shape[0]):
+        total += x[i] * y[i]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def advance(alpha, p, Ap, x, r):
+    """Write ``x += alpha p`` and ``r -= alpha Ap``; returns the squared norm of the new `r`."""
+    total = 0.0
+    for i in range(x.shape[0]):
+        x[i] += alpha * p[i]
+        r[i] -= alpha * Ap[i]
+        total += r[i] * r[i]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def add_scaled(z, beta, p):
+    """Write ``p = z + beta p``."""
+    for i in range(p.shape[0]):
+        p[i] = z[i] + beta * p[i]

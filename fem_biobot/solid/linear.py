@@ -11,6 +11,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Callable
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from fem_biobot.solid.kernels import symmetric_product
+from fem_biobot.solid.kernels import add_scaled, advance, inner_product, symmetric_product
 from fem_biobot.solid.pattern import Pattern
 
 Array = NDArray[np.float64]
@@ -137,6 +138,7 @@ class SuperLU:
         return self._lu.solve(b)
 
 
+@cache
 def _mkl_pardiso() -> Callable[..., None]:
     """MKL's `pardiso` entry as pypardiso finds and types it; ImportError where it is not installed."""
     from pypardiso.pardiso_wrapper import PyPardisoSolver
@@ -194,24 +196,22 @@ def conjugate_gradients(
     NotPositiveDefiniteError
         On a direction of negative curvature.
     """
+    # vector operations are compiled too: BLAS would wake threads of its own against those of the factorisation
     x = np.zeros_like(b)
     r = b.copy()
     Ap = np.empty_like(b)
-    goal = tolerance * float(np.linalg.norm(b))
+    goal = tolerance**2 * inner_product(b, b)
     z = precondition(r)
     p = z.copy()
-    rz = float(r @ z)
+    rz = inner_product(r, z)
     for iteration in range(1, max_iterations + 1):
         symmetric_product(pattern.starts, pattern.columns, data, p, Ap)
-        curvature = float(p @ Ap)
+        curvature = inner_product(p, Ap)
         if not curvature > 0.0:
             raise NotPositiveDefiniteError
-        alpha = rz / curvature
-        x += alpha * p
-        r -= alpha * Ap
-        if float(np.linalg.norm(r)) <= goal:
+        if advance(rz / curvature, p, Ap, x, r) <= goal:
             return x, iteration, True
         z = precondition(r)
-        rz, before = float(r @ z), rz
-        p = z + (rz / before) * p
+        rz, before = inner_product(r, z), rz
+        add_scaled(z, rz / before, p)
     return x, max_iterations, False

@@ -41,6 +41,10 @@ class NewtonSettings:
     max_cg: int = 12
 
 
+# relative residual of a trial below which the factor of the step before still serves
+_NEAR = 1e-5
+
+
 class StepFailedError(Exception):
     """The step did not converge; says why in the words of the solve's message."""
 
@@ -159,7 +163,6 @@ def newton(
     lifting = bool(np.any(np.abs(lift) > 0.0))
     last = norm = np.inf
     first = None
-    solver.renew()
     for iteration in range(settings.max_iterations + 1):
         force, magnitude = system.internal_force(points)
         r = system.to_local(force - f_ext).ravel()
@@ -176,6 +179,9 @@ def newton(
             break
         if first is None:
             first = norm
+            # a trial this close to equilibrium has a tangent close to the one factored last
+            if norm > _NEAR * scale:
+                solver.renew()
         elif norm > 1e4 * max(first, settings.tolerance * scale):
             raise StepFailedError(f"the residual grows (to {norm / scale:.2g} of the force scale)")
         data = system.tangent(points.F, S_geo, points.D)

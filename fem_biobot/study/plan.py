@@ -224,12 +224,25 @@ class Solver:
         """Tension at which the force is expected: through the three states nearest in force."""
         points = sorted({(round(f, 12), t) for t, f in self.seen})
         if len(points) == 1:
-            # a first guess: passive resistance takes about a third of the tension
-            return 1.5 * force / self.design.junction_section
+            return force / self.design.junction_section * (1.0 + self._tissue_over_skeleton())
         nearest = sorted(points, key=lambda p: abs(p[0] - force))[:3]
         f, t = np.array(nearest).T
         weights = [np.prod([(force - f[j]) / (f[i] - f[j]) for j in range(len(f)) if j != i]) for i in range(len(f))]
         return float(np.clip(weights @ t, 0.2 * force / self.design.junction_section, 2.0 * max(t.max(), 1e-9)))
+
+    def _tissue_over_skeleton(self) -> float:
+        """Stiffness of the junction's tissue over that of the skeleton at the muscle, in linear theory [1].
+
+        A first guess only: the share of the tension that the tissue spends on its own shortening follows from it.
+        """
+        design = self.design
+        muscle, skeleton = design.muscle, design.skeleton
+        assert muscle is not None
+        assert skeleton is not None
+        free = max(design.bay - 2.0 * muscle.ring_thickness, 0.1 * design.bay)
+        tissue = muscle.material.young * design.junction_section / free
+        frame = skeleton.material.young * design.second_moment / (design.moment_arm**2 * design.span)
+        return tissue / frame
 
     def _remodel(self, wanted: Wanted) -> SolidState:
         """Passive state of tissue that is free of passive stress along its fibres in that very state.

@@ -222,7 +222,11 @@ class _Job:
         if coarse.n_elements > 0.8 * mesh.n_elements:
             self._note("error not estimated: no mesh that is coarser enough is at hand")
             return None
-        wanted = [f.wanted for f in self.found if f.wanted.reference == "as_moulded"]
+        wanted = [
+            f.wanted
+            for f in self.found
+            if f.wanted.reference == "as_moulded" and not f.wanted.key.startswith(("path", "half"))
+        ]
         self.reporter.stage("second mesh, for the error", len(wanted))
         solver = Solver(self.design, coarse, self.reporter)
         states = []

@@ -45,6 +45,10 @@ class NewtonSettings:
 _NEAR = 1e-5
 
 
+# the residual cannot fall below this many times what rounding leaves of the stresses
+_ROUNDING = 4.0
+
+
 class StepFailedError(Exception):
     """The step did not converge; says why in the words of the solve's message."""
 
@@ -173,15 +177,17 @@ def newton(
         observe("iteration", {"iteration": iteration, "residual": norm / scale if scale else 0.0})
         if not np.isfinite(norm):
             raise StepFailedError("the residual is not a number")
-        if norm <= settings.tolerance * scale and not lifting:
+        if norm <= max(settings.tolerance * scale, _ROUNDING * system.rounding_force) and not lifting:
             return Equilibrium(step, u, points, force, norm / scale if scale else 0.0, iteration), scale
         if iteration == settings.max_iterations:
             break
-        if first is None:
+        # a trial close to equilibrium has a tangent close to the one factored last
+        if lifting or (first is None and norm > _NEAR * scale):
+            solver.renew()
+        if lifting:
+            pass  # the residual tells nothing yet: what is prescribed has not moved
+        elif first is None:
             first = norm
-            # a trial this close to equilibrium has a tangent close to the one factored last
-            if norm > _NEAR * scale:
-                solver.renew()
         elif norm > 1e4 * max(first, settings.tolerance * scale):
             raise StepFailedError(f"the residual grows (to {norm / scale:.2g} of the force scale)")
         data = system.tangent(points.F, S_geo, points.D)
@@ -193,12 +199,11 @@ def newton(
         system.block(data)
         if lifting:
             b[held.dofs] = data[system.diagonal] * lift
-        # solve no further than Newton's own error of this iteration deserves
-        forcing = min(
-            1e-2, max(0.1 * settings.tolerance * scale / norm, 0.1 * (norm / last) ** 2 if last < np.inf else 1e-3)
-        )
-        if lifting:
-            forcing = 1e-8
+        forcing = 1e-8
+        if not lifting:
+            # solve no further than Newton's own error of this iteration deserves
+            expected = 0.1 * (norm / last) ** 2 if 0.0 < last < np.inf else 1e-3
+            forcing = min(1e-2, max(0.1 * settings.tolerance * scale / norm, expected))
         solver.counts.newton += 1
         try:
             delta = solver.solve(data, b, forcing)
@@ -206,7 +211,7 @@ def newton(
             raise StepFailedError(
                 "the tangent is not positive definite (loss of stability, or a trial too far)"
             ) from None
-        last = norm
+        last = np.inf if lifting else norm
         lifting = False
         change = system.to_global(delta.reshape(-1, 3))
         F_next = system.deformation_gradient(u + change)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -84,6 +85,22 @@ class System:
     def n_dofs(self) -> int:
         """Unknowns, the held ones included."""
         return self.pattern.n_dofs
+
+    @cached_property
+    def rounding_force(self) -> float:
+        """Norm of the residual that rounding of the stresses alone leaves [mN].
+
+        Stresses near the natural state are differences of moduli: they carry an error of the order of the modulus
+        times the machine's precision, however small the load.
+        """
+        s = self.space
+        F = self.deformation_gradient(np.zeros((s.n_nodes, 3)))
+        rest = self.points(F, 0.0)
+        modulus = np.zeros_like(rest.S)
+        modulus[:3] = rest.D[[PACKED_PLACE[a, a] for a in range(3)]]
+        magnitude = np.zeros((s.n_nodes, 3))
+        kernels.internal_force(s.nodes, s.slopes, s.to_reference, s.dV, F, modulus, np.zeros((s.n_nodes, 3)), magnitude)
+        return float(np.finfo(float).eps * np.linalg.norm(magnitude))
 
     def to_local(self, v: Array) -> Array:
         """Global components (n, 3) to the axes in which the equations are solved."""

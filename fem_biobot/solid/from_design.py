@@ -21,7 +21,8 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
 
     A tension factor of 1 is the tension at full drive, ``design.tension(drive.amplitude)``, or 1 kPa where the design
     has none. Bots are held on three points against the six rigid motions, which carries no force; a strip stands on
-    its minus end, free to slide in that plane; a cantilever is clamped.
+    its minus end, free to slide and narrow in that plane (which holds the shear of oblique fibres there); a cantilever
+    is clamped.
     """
     materials: dict[str, Law] = {}
     active: dict[str, ActiveStress] = {}
@@ -57,13 +58,24 @@ def tension_step(design: Design, tension: float) -> Step:
 
 def supports(design: Design, mesh: BodyMesh) -> list[Fix]:
     """Supports that hold the design's body and carry no force of their own."""
+    needed = {"cantilever": "clamp", "strip": "end_minus"}.get(design.kind)
+    if needed is not None and needed not in mesh.surfaces:
+        raise MeshError(f"{needed}: found no such surface in the mesh, expected one to hold a {design.kind} by")
     if design.kind == "cantilever":
         return [Fix("clamp")]
     if design.kind == "strip":
         end = np.unique(mesh.surfaces["end_minus"])
-        centre = mesh.landmarks["end_minus_centre"]
-        far = end[np.argmax(np.abs(mesh.points[1, end] - mesh.points[1, centre]))]
-        return [Fix("end_minus", "x"), Fix("end_minus_centre", "yz"), Fix(_position(mesh, int(far)), "z")]
+        centre = np.array(design.landmarks()["end_minus_centre"])
+        first = int(end[np.argmin(np.linalg.norm(mesh.points[:, end] - centre[:, None], axis=0))])
+        arms = mesh.points[:, end] - mesh.points[:, [first]]
+        far = int(end[np.argmax(np.linalg.norm(arms[1:], axis=0))])
+        # no turning about x, yet free to narrow: the far vertex may move along its line to the first only
+        along = mesh.points[:, far] - mesh.points[:, first]
+        along[0] = 0.0
+        along /= np.linalg.norm(along)
+        across = (0.0, -float(along[2]), float(along[1]))
+        axes = (across, (0.0, float(along[1]), float(along[2])), (1.0, 0.0, 0.0))
+        return [Fix("end_minus", "x"), Fix(_position(mesh, first), "yz"), Fix(_position(mesh, far), (0,), axes=axes)]
     marks = design.landmarks()
     first, second, third = (_vertex(mesh, name, marks[name]) for name in ("corner_short", "corner_long", "edge_short"))
     return [Fix(first, "xyz"), Fix(second, "yz"), Fix(third, "z")]

@@ -118,6 +118,8 @@ def _directions(mesh: BodyMesh, body: Space, support: Fix | Symmetry) -> tuple[I
         prescribed = np.asarray(support.value(body.points[:, nodes]), dtype=float)
         if prescribed.shape != (3, len(nodes)):
             raise ModelError(f"value: found shape {prescribed.shape}, expected (3, {len(nodes)})")
+        if not np.all(np.isfinite(prescribed)):
+            raise ModelError("value: found a function whose values are not all finite, expected finite displacements")
         return nodes, axes, which, (axes @ prescribed)[list(which)]
     value = np.atleast_1d(np.asarray(support.value, dtype=float))
     if value.shape not in ((1,), (len(which),)) or not np.all(np.isfinite(value)):

@@ -117,7 +117,8 @@ def space(mesh: BodyMesh, element: Element | str = Element.P2, degree: int | Non
         See `Element`.
     degree
         Degree up to which the quadrature is exact; by default twice that of the strain (2 for P2: 4 points; 1 for P1),
-        which integrates the small-strain stiffness exactly. Degree 4 has a negative weight and is replaced by 5.
+        which integrates the small-strain stiffness exactly. The rules of degree 3 and 4 have a negative weight and are
+        replaced by that of degree 5.
     """
     try:
         element = Element(element)
@@ -125,8 +126,8 @@ def space(mesh: BodyMesh, element: Element | str = Element.P2, degree: int | Non
         raise ModelError(f"element: found {element!r}, expected one of {', '.join(e.value for e in Element)}") from None
     default = 2 if element is Element.P2 else 1
     degree = default if degree is None else degree
-    # the 11-point rule of degree 4 breaks positivity of the energy
-    degree = 5 if degree == 4 else degree
+    # negative weights break the positivity of the energy
+    degree = 5 if degree in (3, 4) else degree
     tets = skfem.MeshTet(np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.cells), sort_t=False)
     shape = _ELEMENTS[element]()
     basis = skfem.CellBasis(tets, shape, intorder=degree)

@@ -235,14 +235,19 @@ def test_a_body_without_supports_is_refused() -> None:
         _model()
 
 
-@pytest.mark.parametrize("length", [1e-3, 1e3])
+@pytest.mark.parametrize("length", [1e-6, 1e6])
 def test_six_supports_are_enough_at_any_scale(length: float) -> None:
-    """Three corners hold a body of a micrometre or of a metre.
+    """Three corners hold a body of any size; a place is found to 1e-6 of it, and not a thousandth of it away.
 
     Catches: an absolute tolerance in the rank or in the search for the vertex.
     """
     size = tuple(length * s for s in SIZE)
-    _model(*on_three_corners(size), mesh=box_mesh(2, size))
+    mesh = box_mesh(2, size)
+    supports = on_three_corners(size)
+    _model(*supports, mesh=mesh)
+    _model(*supports, Fix((1e-7 * length, 0.0, 0.0)), mesh=mesh)
+    with pytest.raises(ModelError, match="found no vertex"):
+        _model(*supports, Fix((1e-3 * length, 0.0, 0.0)), mesh=mesh)
 
 
 def test_symmetry_holds_along_the_normal_of_an_oblique_plane() -> None:

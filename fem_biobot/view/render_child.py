@@ -20,6 +20,9 @@ def main(job_file: str) -> int:
     """Draw every view of a job; returns the exit code."""
     import pyvista as pv
 
+    # views are drawn finer and averaged; a software driver pays dearly for smoothing them as well
+    pv.global_theme.multi_samples = 1
+    pv.global_theme.anti_aliasing = None
     job = Path(job_file)
     with np.load(job) as arrays:
         data = {name: arrays[name] for name in arrays.files}

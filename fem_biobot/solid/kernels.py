@@ -92,14 +92,14 @@ def extrapolated_stress(F, F_next, S, D, out):
 
 
 @njit(cache=True, nogil=True)
-def internal_force(nodes, slopes, to_reference, dV, F, S, force, magnitude):
-    """Add to `force` (n, 3) the internal force ``int P dN/dX``, to `magnitude` the sizes of its element parts."""
+def internal_force(elements, nodes, slopes, to_reference, dV, F, S, force, magnitude):
+    """Add to `force` (n, 3) the internal force of `elements`, to `magnitude` the sizes of its element parts."""
     n_basis = nodes.shape[0]
     n_points = slopes.shape[2]
     local = np.empty((n_basis, 3))
     P = np.empty((3, 3))
     T = np.empty((3, 3))
-    for e in range(nodes.shape[1]):
+    for e in elements:
         local[:] = 0.0
         for q in range(n_points):
             for i in range(3):
@@ -125,131 +125,170 @@ def internal_force(nodes, slopes, to_reference, dV, F, S, force, magnitude):
                 magnitude[nodes[a, e], i] += abs(local[a, i])
 
 
-@njit(cache=True, nogil=True)
-def tangent(nodes, slopes, to_reference, dV, F, S, D, row_start, rank, turned, turns, data):
-    """Add to `data` the tangent's upper triangle, ``int dN_a A4 dN_b`` with ``A4 = I x S + F D F``.
+# Elements whose matrices are made by one product of matrices: small enough to stay in cache and below the size at which
+# BLAS would wake threads of its own.
+_BLOCK = 12
+_ONE, _TWO = np.uint64(1), np.uint64(2)
 
-    `S` is the stress of the geometric part, `D` the material tangent at `F`. `row_start` (n,) is the place of the
-    first entry of node a's rows, `rank` (pairs, e) the place of node b in node a's row; see `solid.pattern`. Nodes
-    with ``turned[node] >= 0`` are assembled in the axes ``turns[:, :, turned[node]]`` (rows are the local axes).
-    Same as the scikit-fem form in tests/oracles.
+
+@njit(cache=True, nogil=True)
+def reference_moduli(e, q, to_reference, dV, F, S, D, small, large, out):
+    """Write ``A4 = I x S + F D F`` of one point, times its volume, with its slots k, l on the unit cell.
+
+    `out` (9, 9): rows 3 i + j over displacements, columns 3 d + f over directions of the unit cell. The slots k, l of
+    ``A4[i, k, j, l]`` are carried there by d xi/dX, so that gradients of the basis on the unit cell, the same for all
+    elements, apply to it. `small` (4, 3, 3) and `large` (15, 9) are scratch: allocating them here would cost as much
+    as the arithmetic.
+    """
+    w = dV[e, q]
+    f, R, S_full, S_ref = small[0], small[1], small[2], small[3]
+    D_full, half, part = large[:9], large[9:12], large[12:15]
+    for i in range(3):
+        for k in range(3):
+            f[i, k] = F[i, k, e, q]
+            R[i, k] = to_reference[i, k, e]
+    place = 0
+    for a in range(6):
+        i = _FIRST[a]
+        j = _SECOND[a]
+        S_full[i, j] = S[a, e, q]
+        S_full[j, i] = S[a, e, q]
+        for b in range(a, 6):
+            k = _FIRST[b]
+            m = _SECOND[b]
+            value = D[place, e, q] * w
+            place += 1
+            D_full[3 * i + j, 3 * k + m] = value
+            D_full[3 * i + j, 3 * m + k] = value
+            D_full[3 * j + i, 3 * k + m] = value
+            D_full[3 * j + i, 3 * m + k] = value
+            D_full[3 * k + m, 3 * i + j] = value
+            D_full[3 * m + k, 3 * i + j] = value
+            D_full[3 * k + m, 3 * j + i] = value
+            D_full[3 * m + k, 3 * j + i] = value
+    for d in range(3):
+        for g in range(3):
+            total = 0.0
+            for k in range(3):
+                total += R[d, k] * (S_full[k, 0] * R[g, 0] + S_full[k, 1] * R[g, 1] + S_full[k, 2] * R[g, 2])
+            S_ref[d, g] = total * w
+    for i in range(3):
+        # half[k, (n, l)] = F[i, m] D[(m, k), (n, l)], then k to the unit cell
+        for k in range(3):
+            for c in range(9):
+                half[k, c] = f[i, 0] * D_full[k, c] + f[i, 1] * D_full[3 + k, c] + f[i, 2] * D_full[6 + k, c]
+        for d in range(3):
+            for c in range(9):
+                part[d, c] = R[d, 0] * half[0, c] + R[d, 1] * half[1, c] + R[d, 2] * half[2, c]
+        for j in range(i, 3):
+            for d in range(3):
+                x0 = f[j, 0] * part[d, 0] + f[j, 1] * part[d, 3] + f[j, 2] * part[d, 6]
+                x1 = f[j, 0] * part[d, 1] + f[j, 1] * part[d, 4] + f[j, 2] * part[d, 7]
+                x2 = f[j, 0] * part[d, 2] + f[j, 1] * part[d, 5] + f[j, 2] * part[d, 8]
+                for g in range(3):
+                    value = x0 * R[g, 0] + x1 * R[g, 1] + x2 * R[g, 2]
+                    if i == j:
+                        value += S_ref[d, g]
+                    else:  # major symmetry: A4[i, k, j, l] = A4[j, l, i, k]
+                        out[3 * j + i, 3 * g + d] = value
+                    out[3 * i + j, 3 * d + g] = value
+
+
+@njit(cache=True, nogil=True)
+def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, row_start, rank, turned, turns, data):
+    """Add to `data` the tangent's upper triangle of `elements`, ``int dN_a A4 dN_b`` with ``A4 = I x S + F D F``.
+
+    `S` is the stress of the geometric part, `D` the material tangent at `F`. `pairs` (9 q, p) holds the products of
+    the basis gradients on the unit cell for every pair ``a <= b``: one product of matrices gives the matrices of a
+    block of elements. `row_start` (n,) is the place of the first entry of node a's rows, `rank` (p, e) the place of
+    node b in node a's row; see `solid.pattern`. Nodes with ``turned[node] >= 0`` are assembled in the axes
+    ``turns[:, :, turned[node]]`` (rows are the local axes). Same as the scikit-fem form in tests/oracles.
     """
     n_basis = nodes.shape[0]
-    n_points = slopes.shape[2]
-    A4 = np.empty((3, 3, 3, 3))
-    half = np.empty((3, 3, 6))
-    D6 = np.empty((6, 6))
-    dN = np.empty((3, n_basis))
-    # local matrix in the order (i, a, j, b) so that the last loop runs over contiguous memory
-    K = np.empty((n_basis, 3, 3, n_basis))
+    n_points = dV.shape[1]
+    n_pairs = pairs.shape[1]
+    moduli = np.empty((_BLOCK * 9, 9 * n_points))
+    matrices = np.empty((_BLOCK * 9, n_pairs))
+    out = np.empty((9, 9))
+    small = np.empty((4, 3, 3))
+    large = np.empty((15, 9))
     block = np.empty((3, 3))
     other = np.empty((3, 3))
-    H = np.empty((3, 3, 3))
-    for e in range(nodes.shape[1]):
-        K[:] = 0.0
-        for q in range(n_points):
-            w = dV[e, q]
+    for first in range(0, elements.shape[0], _BLOCK):
+        count = min(_BLOCK, elements.shape[0] - first)
+        for local in range(count):
+            for q in range(n_points):
+                reference_moduli(elements[first + local], q, to_reference, dV, F, S, D, small, large, out)
+                moduli[9 * local : 9 * local + 9, 9 * q : 9 * q + 9] = out
+        np.dot(moduli, pairs, matrices)
+        for local in range(count):
+            # places are unsigned: signed ones would be checked for counting from the end at every access
+            e = np.uint64(elements[first + local])
+            K = matrices[9 * local : 9 * local + 9]
+            pair = np.uint64(0)
             for a in range(n_basis):
-                for k in range(3):
-                    dN[k, a] = (
-                        slopes[a, 0, q] * to_reference[0, k, e]
-                        + slopes[a, 1, q] * to_reference[1, k, e]
-                        + slopes[a, 2, q] * to_reference[2, k, e]
-                    )
-            place = 0
-            for a in range(6):
-                for b in range(a, 6):
-                    D6[a, b] = D[place, e, q] * w
-                    D6[b, a] = D6[a, b]
-                    place += 1
-            for i in range(3):
-                for k in range(3):
-                    for b in range(6):
-                        half[i, k, b] = (
-                            F[i, 0, e, q] * D6[_PACKED[0, k], b]
-                            + F[i, 1, e, q] * D6[_PACKED[1, k], b]
-                            + F[i, 2, e, q] * D6[_PACKED[2, k], b]
-                        )
-            for i in range(3):
-                for k in range(3):
-                    for j in range(3):
-                        for m in range(3):
-                            A4[i, k, j, m] = (
-                                half[i, k, _PACKED[0, m]] * F[j, 0, e, q]
-                                + half[i, k, _PACKED[1, m]] * F[j, 1, e, q]
-                                + half[i, k, _PACKED[2, m]] * F[j, 2, e, q]
-                            )
-                for k in range(3):
-                    for m in range(3):
-                        A4[i, k, i, m] += S[_PACKED[k, m], e, q] * w
-            for a in range(n_basis):
-                for i in range(3):
-                    for j in range(3):
-                        for m in range(3):
-                            H[i, j, m] = (
-                                dN[0, a] * A4[i, 0, j, m] + dN[1, a] * A4[i, 1, j, m] + dN[2, a] * A4[i, 2, j, m]
-                            )
-                for i in range(3):
-                    for j in range(3):
-                        h0 = H[i, j, 0]
-                        h1 = H[i, j, 1]
-                        h2 = H[i, j, 2]
-                        for b in range(a, n_basis):
-                            K[a, i, j, b] += h0 * dN[0, b] + h1 * dN[1, b] + h2 * dN[2, b]
-        pair = 0
-        for a in range(n_basis):
-            for b in range(a, n_basis):
-                A = nodes[a, e]
-                B = nodes[b, e]
-                if A <= B:
-                    for i in range(3):
-                        for j in range(3):
-                            block[i, j] = K[a, i, j, b]
-                    row, ta, tb = A, turned[A], turned[B]
-                else:
-                    for i in range(3):
-                        for j in range(3):
-                            block[i, j] = K[a, j, i, b]
-                    row, ta, tb = B, turned[B], turned[A]
-                if ta >= 0:
-                    for i in range(3):
-                        for j in range(3):
-                            other[i, j] = (
-                                turns[i, 0, ta] * block[0, j]
-                                + turns[i, 1, ta] * block[1, j]
-                                + turns[i, 2, ta] * block[2, j]
-                            )
-                    block[:] = other
-                if tb >= 0:
-                    for i in range(3):
-                        for j in range(3):
-                            other[i, j] = (
-                                block[i, 0] * turns[j, 0, tb]
-                                + block[i, 1] * turns[j, 1, tb]
-                                + block[i, 2] * turns[j, 2, tb]
-                            )
-                    block[:] = other
-                r = rank[pair, e]
-                start = row_start[row]
-                width = row_start[row + 1] - start
-                # rows of one node: widths L, L - 1, L - 2 with width = 3 L - 3
-                length = (width + 3) // 3
-                if r == 0:
-                    data[start] += block[0, 0]
-                    data[start + 1] += block[0, 1]
-                    data[start + 2] += block[0, 2]
-                    data[start + length] += block[1, 1]
-                    data[start + length + 1] += block[1, 2]
-                    data[start + 2 * length - 1] += block[2, 2]
-                else:
-                    at0 = start + 3 * r
-                    at1 = start + length + 3 * r - 1
-                    at2 = start + 2 * length - 1 + 3 * r - 2
-                    for j in range(3):
-                        data[at0 + j] += block[0, j]
-                        data[at1 + j] += block[1, j]
-                        data[at2 + j] += block[2, j]
-                pair += 1
+                A = np.uint64(nodes[a, e])
+                for b in range(a, n_basis):
+                    B = np.uint64(nodes[b, e])
+                    ordered = A <= B
+                    row = A if ordered else B
+                    # the block of the later node under the earlier one is the transpose
+                    k00 = K[0, pair]
+                    k11 = K[4, pair]
+                    k22 = K[8, pair]
+                    if ordered:
+                        k01, k02, k12 = K[1, pair], K[2, pair], K[5, pair]
+                        k10, k20, k21 = K[3, pair], K[6, pair], K[7, pair]
+                    else:
+                        k01, k02, k12 = K[3, pair], K[6, pair], K[7, pair]
+                        k10, k20, k21 = K[1, pair], K[2, pair], K[5, pair]
+                    ta = turned[row]
+                    tb = turned[B if ordered else A]
+                    if ta >= 0 or tb >= 0:
+                        block[0, 0], block[0, 1], block[0, 2] = k00, k01, k02
+                        block[1, 0], block[1, 1], block[1, 2] = k10, k11, k12
+                        block[2, 0], block[2, 1], block[2, 2] = k20, k21, k22
+                        _turn(block, other, turns, ta, tb)
+                        k00, k01, k02 = block[0, 0], block[0, 1], block[0, 2]
+                        k10, k11, k12 = block[1, 0], block[1, 1], block[1, 2]
+                        k20, k21, k22 = block[2, 0], block[2, 1], block[2, 2]
+                    r = rank[pair, e]
+                    pair += _ONE
+                    start = row_start[row]
+                    # rows of one node: lengths L, L - 1, L - 2 with 3 L - 3 entries in all
+                    length = (row_start[row + _ONE] - start + 3) // 3
+                    at0 = np.uint64(start + 3 * r)
+                    at1 = np.uint64(start + 3 * r + length - 1)
+                    at2 = np.uint64(start + 3 * r + 2 * length - 3)
+                    data[at0] += k00
+                    data[at0 + _ONE] += k01
+                    data[at0 + _TWO] += k02
+                    data[at1 + _ONE] += k11
+                    data[at1 + _TWO] += k12
+                    data[at2 + _TWO] += k22
+                    if r > 0:  # a diagonal block has its upper half only
+                        data[at1] += k10
+                        data[at2] += k20
+                        data[at2 + _ONE] += k21
+
+
+@njit(cache=True, nogil=True)
+def _turn(block, other, turns, ta, tb):
+    """Carry a 3 by 3 block into the axes of its row's and its column's node, in place; -1 leaves a side as it is."""
+    if ta >= 0:
+        for i in range(3):
+            for j in range(3):
+                other[i, j] = (
+                    turns[i, 0, ta] * block[0, j] + turns[i, 1, ta] * block[1, j] + turns[i, 2, ta] * block[2, j]
+                )
+        block[:] = other
+    if tb >= 0:
+        for i in range(3):
+            for j in range(3):
+                other[i, j] = (
+                    block[i, 0] * turns[j, 0, tb] + block[i, 1] * turns[j, 1, tb] + block[i, 2] * turns[j, 2, tb]
+                )
+        block[:] = other
 
 
 @njit(cache=True, nogil=True)

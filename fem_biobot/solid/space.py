@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 import skfem
@@ -73,6 +74,13 @@ class Space:
     def n_nodes(self) -> int:
         """Number of nodes; the unknowns are three times as many."""
         return self.points.shape[1]
+
+    @cached_property
+    def pairs(self) -> Array:
+        """Products of basis gradients on the unit cell, ``dN_a/dxi_d dN_b/dxi_f``, (9 q, p) for every ``a <= b``."""
+        a, b = np.triu_indices(len(self.slopes))
+        products = np.einsum("pdq,pfq->qdfp", self.slopes[a], self.slopes[b])
+        return np.ascontiguousarray(products.reshape(-1, len(a)))
 
     @property
     def quadrature_points(self) -> Array:

@@ -24,6 +24,7 @@ from fem_biobot.solid.held import Held, held
 from fem_biobot.solid.loading import dead_load
 from fem_biobot.solid.pattern import Pattern, pattern
 from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
+from fem_biobot.solid.sharing import Shares, shares
 from fem_biobot.solid.space import Element, Ints, Space, space
 
 # place of component (a, b), a <= b, in the packed upper triangle of a 6 by 6 matrix
@@ -77,6 +78,7 @@ class System:
     contractions: tuple[Contraction, ...]
     held: Held
     dead_load: Array
+    shares: Shares
     turned: NDArray[np.int64]
     blocked: NDArray[np.int64]
     diagonal: NDArray[np.int64]
@@ -99,7 +101,10 @@ class System:
         modulus = np.zeros_like(rest.S)
         modulus[:3] = rest.D[[PACKED_PLACE[a, a] for a in range(3)]]
         magnitude = np.zeros((s.n_nodes, 3))
-        kernels.internal_force(s.nodes, s.slopes, s.to_reference, s.dV, F, modulus, np.zeros((s.n_nodes, 3)), magnitude)
+        force = np.zeros((s.n_nodes, 3))
+        kernels.internal_force(
+            np.arange(s.nodes.shape[1]), s.nodes, s.slopes, s.to_reference, s.dV, F, modulus, force, magnitude
+        )
         return float(np.finfo(float).eps * np.linalg.norm(magnitude))
 
     def to_local(self, v: Array) -> Array:
@@ -136,16 +141,27 @@ class System:
         force = np.zeros((self.space.n_nodes, 3))
         magnitude = np.zeros_like(force)
         s = self.space
-        kernels.internal_force(s.nodes, s.slopes, s.to_reference, s.dV, points.F, points.S, force, magnitude)
+
+        def add(elements: Ints) -> None:
+            kernels.internal_force(
+                elements, s.nodes, s.slopes, s.to_reference, s.dV, points.F, points.S, force, magnitude
+            )
+
+        self.shares.run(add)
         return force, magnitude
 
     def tangent(self, F: Array, S: Array, D: Array) -> Array:
         """Upper triangle of the tangent in local axes, held unknowns included."""
         s, p = self.space, self.pattern
         data = np.zeros(len(p.columns))
-        kernels.tangent(
-            s.nodes, s.slopes, s.to_reference, s.dV, F, S, D, p.row_start, p.rank, self.turned, self.held.axes, data
-        )
+
+        def add(elements: Ints) -> None:
+            kernels.tangent(
+                elements, s.nodes, s.pairs, s.to_reference, s.dV, F, S, D, p.row_start, p.rank, self.turned,
+                self.held.axes, data,
+            )  # fmt: skip
+
+        self.shares.run(add)
         return data
 
     def product(self, data: Array, v: Array) -> Array:
@@ -217,6 +233,7 @@ def assemble_system(
         tuple(_contraction(mesh, body, name, muscle, materials[name]) for name, muscle in active.items()),
         held_nodes,
         dead_load(mesh, body, loads),
+        shares(body.nodes, body.points),
         held_nodes.turned,
         blocked,
         sparsity.starts[:-1][fixed].astype(np.int64),

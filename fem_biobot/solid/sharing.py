@@ -1,0 +1,82 @@
+"""Sharing elements among threads so that no two write to the same node: slabs side by side, then what lies between.
+
+The kernels release Python's lock, so plain threads run them side by side; a node's contributions are added in an order
+that does not depend on which thread is faster, so results repeat to the last bit.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from fem_biobot.solid.space import Array, Ints
+
+# slabs thinner than this many elements are not worth a thread
+_FEWEST = 500
+_MOST_THREADS = 4
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Elements of each slab that touch no other slab, and the rest, each ascending along the body's longest extent."""
+
+    slabs: tuple[Ints, ...]
+    rest: Ints
+
+    def run(self, work: Callable[[Ints], None]) -> None:
+        """Do `work` on all elements, slabs at the same time, the rest after them."""
+        if len(self.slabs) > 1:
+            list(_pool().map(work, self.slabs))
+        else:
+            for slab in self.slabs:
+                work(slab)
+        if self.rest.size:
+            work(self.rest)
+
+
+def shares(nodes: Ints, points: Array, threads: int | None = None) -> Shares:
+    """Slabs of elements across the longest extent of the body.
+
+    Parameters
+    ----------
+    nodes
+        Nodes of each element, (b, e).
+    points
+        Node positions, (3, n) [mm].
+    threads
+        How many slabs; by default as many as processors may be used, at most four.
+    """
+    n_elements = nodes.shape[1]
+    threads = usable_threads() if threads is None else threads
+    count = max(1, min(threads, n_elements // _FEWEST))
+    axis = int(np.argmax(np.ptp(points, axis=1)))
+    order = np.argsort(points[axis, nodes].mean(axis=0), kind="stable")
+    if count == 1:
+        return Shares((order,), np.zeros(0, dtype=np.int64))
+    slab_of = np.empty(n_elements, dtype=np.int64)
+    slab_of[order] = np.arange(n_elements) * count // n_elements
+    first = np.full(points.shape[1], count)
+    last = np.full(points.shape[1], -1)
+    # written out in full: numpy's in-place minimum reads past a value array that it has to broadcast
+    touched, by = nodes.ravel(), np.tile(slab_of, len(nodes))
+    np.minimum.at(first, touched, by)
+    np.maximum.at(last, touched, by)
+    between = np.any((first != last)[nodes], axis=0)
+    slabs = tuple(order[(slab_of[order] == k) & ~between[order]] for k in range(count))
+    return Shares(slabs, order[between[order]])
+
+
+def usable_threads() -> int:
+    """Processors that this process may use, at most four."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(_MOST_THREADS, usable))
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_MOST_THREADS, thread_name_prefix="assembly")

@@ -2,7 +2,8 @@
 
 Layout (one for all): ``F`` (3, 3, e, q) [1]; ``S`` (6, e, q) and ``D`` (21, e, q) [kPa] packed in the order of
 `material.law.PAIRS`, ``D`` as the upper triangle of ``dS/dE`` by rows; ``psi`` (e, q) [kPa]. Every kernel ADDS to its
-outputs, for the elements listed, so that laws sum. Inverted points must have been refused before.
+outputs, for the elements listed, so that laws sum; a ``D`` without components (0, e, q) is left out. Inverted points
+must have been refused before.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ _SECOND = np.array([0, 1, 2, 1, 2, 2])
 def neo_hooke_points(F, elements, mu, lmbda, S, D, psi):
     """Compressible neo-Hooke; same as `NeoHooke.stress` and `.tangent`."""
     ci = np.empty((3, 3))
+    moduli = D.shape[0] > 0
     for index in range(elements.shape[0]):
         e = elements[index]
         for q in range(F.shape[3]):
@@ -55,6 +57,8 @@ def neo_hooke_points(F, elements, mu, lmbda, S, D, psi):
                 S[a, e, q] += pressure_part * ci[i, j]
                 if a < 3:
                     S[a, e, q] += mu
+                if not moduli:
+                    continue
                 for b in range(a, 6):
                     k = _FIRST[b]
                     m = _SECOND[b]
@@ -68,6 +72,7 @@ def neo_hooke_points(F, elements, mu, lmbda, S, D, psi):
 def nominal_tension_points(F, elements, tension, a0, S, D, psi):
     """Nominal tension along `a0`, (3, e, q); `tension` (e, q) [kPa]; same as `NominalTension`."""
     aa = np.empty(6)
+    moduli = D.shape[0] > 0
     for index in range(elements.shape[0]):
         e = elements[index]
         for q in range(F.shape[3]):
@@ -91,6 +96,8 @@ def nominal_tension_points(F, elements, tension, a0, S, D, psi):
             place = 0
             for a in range(6):
                 S[a, e, q] += first * aa[a]
+                if not moduli:
+                    continue
                 for b in range(a, 6):
                     D[place, e, q] += second * aa[a] * aa[b]
                     place += 1
@@ -120,6 +127,13 @@ def pull_back_points(G, elements, volume, S_e, D_e, psi_e, S, D, psi):
                     turn[a, b] += G[i, m, e] * G[j, k, e]
         for q in range(S.shape[2]):
             psi[e, q] += volume[e] * psi_e[e, q]
+            for a in range(6):
+                total = 0.0
+                for b in range(6):
+                    total += turn[a, b] * S_e[b, e, q]
+                S[a, e, q] += volume[e] * total
+            if D.shape[0] == 0:
+                continue
             place = 0
             for a in range(6):
                 for b in range(a, 6):
@@ -127,10 +141,6 @@ def pull_back_points(G, elements, volume, S_e, D_e, psi_e, S, D, psi):
                     full[b, a] = full[a, b]
                     place += 1
             for a in range(6):
-                total = 0.0
-                for b in range(6):
-                    total += turn[a, b] * S_e[b, e, q]
-                S[a, e, q] += volume[e] * total
                 for b in range(6):
                     acc = 0.0
                     for c in range(6):

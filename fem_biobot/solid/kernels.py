@@ -21,11 +21,11 @@ _PACKED = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 
 
 @njit(cache=True, nogil=True)
-def deformation_gradient(u, nodes, slopes, to_reference, F):
-    """Write ``F = I + du/dX``, (3, 3, e, q); `slopes` (b, 3, q) on the unit cell, `to_reference` (3, 3, e) = dxi/dX."""
+def deformation_gradient(elements, u, nodes, slopes, to_reference, F):
+    """Write ``F = I + du/dX`` of `elements`, (3, 3, e, q); `slopes` (b, 3, q) are on the unit cell."""
     n_basis = nodes.shape[0]
     H = np.empty((3, 3))
-    for e in range(nodes.shape[1]):
+    for e in elements:
         for q in range(slopes.shape[2]):
             H[:] = 0.0
             for a in range(n_basis):
@@ -195,21 +195,21 @@ def reference_moduli(e, q, to_reference, dV, F, S, D, small, large, out):
 
 
 @njit(cache=True, nogil=True)
-def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, row_start, rank, turned, turns, data):
+def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, place, turned, turns, data):
     """Add to `data` the tangent's upper triangle of `elements`, ``int dN_a A4 dN_b`` with ``A4 = I x S + F D F``.
 
     `S` is the stress of the geometric part, `D` the material tangent at `F`. `pairs` (9 q, p) holds the products of
     the basis gradients on the unit cell for every pair ``a <= b``: one product of matrices gives the matrices of a
-    block of elements. `row_start` (n,) is the place of the first entry of node a's rows, `rank` (p, e) the place of
-    node b in node a's row; see `solid.pattern`. Nodes with ``turned[node] >= 0`` are assembled in the axes
-    ``turns[:, :, turned[node]]`` (rows are the local axes). Same as the scikit-fem form in tests/oracles.
+    block of elements. `place` (e, p, 2) says where each pair's block begins in `data` and how long its first row is
+    there, negative where the later node comes first; see `solid.pattern`. Nodes with ``turned[node] >= 0`` (an empty
+    `turned` if there are none) are assembled in the axes ``turns[:, :, turned[node]]`` (rows are the local axes). Same
+    as the scikit-fem form in tests/oracles.
     """
     n_basis = nodes.shape[0]
     n_points = dV.shape[1]
     n_pairs = pairs.shape[1]
     moduli = np.empty((_BLOCK * 9, 9 * n_points))
     matrices = np.empty((_BLOCK * 9, n_pairs))
-    out = np.empty((9, 9))
     small = np.empty((4, 3, 3))
     large = np.empty((15, 9))
     block = np.empty((3, 3))
@@ -218,8 +218,8 @@ def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, row_start, rank, 
         count = min(_BLOCK, elements.shape[0] - first)
         for local in range(count):
             for q in range(n_points):
+                out = moduli[9 * local : 9 * local + 9, 9 * q : 9 * q + 9]
                 reference_moduli(elements[first + local], q, to_reference, dV, F, S, D, small, large, out)
-                moduli[9 * local : 9 * local + 9, 9 * q : 9 * q + 9] = out
         np.dot(moduli, pairs, matrices)
         for local in range(count):
             # places are unsigned: signed ones would be checked for counting from the end at every access
@@ -227,12 +227,10 @@ def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, row_start, rank, 
             K = matrices[9 * local : 9 * local + 9]
             pair = np.uint64(0)
             for a in range(n_basis):
-                A = np.uint64(nodes[a, e])
                 for b in range(a, n_basis):
-                    B = np.uint64(nodes[b, e])
-                    ordered = A <= B
-                    row = A if ordered else B
+                    length = np.int64(place[e, pair, 1])
                     # the block of the later node under the earlier one is the transpose
+                    ordered = length > 0
                     k00 = K[0, pair]
                     k11 = K[4, pair]
                     k22 = K[8, pair]
@@ -240,36 +238,39 @@ def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, row_start, rank, 
                         k01, k02, k12 = K[1, pair], K[2, pair], K[5, pair]
                         k10, k20, k21 = K[3, pair], K[6, pair], K[7, pair]
                     else:
+                        length = -length
                         k01, k02, k12 = K[3, pair], K[6, pair], K[7, pair]
                         k10, k20, k21 = K[1, pair], K[2, pair], K[5, pair]
-                    ta = turned[row]
-                    tb = turned[B if ordered else A]
-                    if ta >= 0 or tb >= 0:
-                        block[0, 0], block[0, 1], block[0, 2] = k00, k01, k02
-                        block[1, 0], block[1, 1], block[1, 2] = k10, k11, k12
-                        block[2, 0], block[2, 1], block[2, 2] = k20, k21, k22
-                        _turn(block, other, turns, ta, tb)
-                        k00, k01, k02 = block[0, 0], block[0, 1], block[0, 2]
-                        k10, k11, k12 = block[1, 0], block[1, 1], block[1, 2]
-                        k20, k21, k22 = block[2, 0], block[2, 1], block[2, 2]
-                    r = rank[pair, e]
-                    pair += _ONE
-                    start = row_start[row]
-                    # rows of one node: lengths L, L - 1, L - 2 with 3 L - 3 entries in all
-                    length = (row_start[row + _ONE] - start + 3) // 3
-                    at0 = np.uint64(start + 3 * r)
-                    at1 = np.uint64(start + 3 * r + length - 1)
-                    at2 = np.uint64(start + 3 * r + 2 * length - 3)
+                    if turned.shape[0] > 0:
+                        ta = turned[nodes[a, e]]
+                        tb = turned[nodes[b, e]]
+                        if ta >= 0 or tb >= 0:
+                            block[0, 0], block[0, 1], block[0, 2] = k00, k01, k02
+                            block[1, 0], block[1, 1], block[1, 2] = k10, k11, k12
+                            block[2, 0], block[2, 1], block[2, 2] = k20, k21, k22
+                            if ordered:
+                                _turn(block, other, turns, ta, tb)
+                            else:
+                                _turn(block, other, turns, tb, ta)
+                            k00, k01, k02 = block[0, 0], block[0, 1], block[0, 2]
+                            k10, k11, k12 = block[1, 0], block[1, 1], block[1, 2]
+                            k20, k21, k22 = block[2, 0], block[2, 1], block[2, 2]
+                    # rows of one node: lengths L, L - 1, L - 2
+                    start = np.int64(place[e, pair, 0])
+                    at0 = np.uint64(start)
+                    at1 = np.uint64(start + length - 1)
+                    at2 = np.uint64(start + 2 * length - 3)
                     data[at0] += k00
                     data[at0 + _ONE] += k01
                     data[at0 + _TWO] += k02
                     data[at1 + _ONE] += k11
                     data[at1 + _TWO] += k12
                     data[at2 + _TWO] += k22
-                    if r > 0:  # a diagonal block has its upper half only
+                    if b > a:  # a diagonal block has its upper half only
                         data[at1] += k10
                         data[at2] += k20
                         data[at2 + _ONE] += k21
+                    pair += _ONE
 
 
 @njit(cache=True, nogil=True)

@@ -144,8 +144,8 @@ class SolidState:
 
     @cached_property
     def points(self) -> Points:
-        """Stress, tangent and energy of passive laws and active tension together, at the quadrature points."""
-        return self.model.system.points(self.F, self.step.tension)
+        """Stress and energy of passive laws and active tension together, at the quadrature points (no moduli)."""
+        return self.model.system.points(self.F, self.step.tension, moduli=False)
 
     @cached_property
     def internal_force(self) -> Array:
@@ -164,7 +164,7 @@ class SolidState:
     @cached_property
     def energy(self) -> float:
         """Passive strain energy of the whole body [uJ]; the muscle's work is a separate number."""
-        passive = self.model.system.points(self.F, 0.0)
+        passive = self.model.system.points(self.F, 0.0, moduli=False)
         return float(np.sum(passive.psi * self.model.system.space.dV))
 
     def reaction(self, where: str | tuple[float, float, float]) -> Array:

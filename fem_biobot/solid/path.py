@@ -135,7 +135,7 @@ def _predict(system: System, history: list[Equilibrium], goal: Step) -> tuple[Ar
         u += w * state.u
         S += w * state.points.S
     try:
-        system.points(system.deformation_gradient(u), 0.0, passive=False)
+        system.points(system.deformation_gradient(u), 0.0, passive=False, moduli=False)
     except InvertedError:
         return last.u, None
     return u, S

@@ -23,17 +23,15 @@ class Pattern:
     ----------
     starts, columns
         Compressed rows of the scalar matrix, int32.
-    row_start
-        Place of the first entry of each node's three rows, and the total, (n + 1,).
-    rank
-        For each pair ``a <= b`` of an element's nodes, where the later node stands in the row of the earlier,
-        (b (b + 1) / 2, e).
+    place
+        For each pair ``a <= b`` of an element's nodes, (e, b (b + 1) / 2, 2): where the first entry of its block is,
+        and the length of the row it is in, negative where the later of the two has the lower number (the block is
+        then that of the transpose).
     """
 
     starts: NDArray[np.int32]
     columns: NDArray[np.int32]
-    row_start: Ints
-    rank: NDArray[np.int32]
+    place: NDArray[np.int32]
 
     @property
     def n_dofs(self) -> int:
@@ -59,6 +57,8 @@ def pattern(nodes: Ints, n_nodes: int) -> Pattern:
     starts = np.concatenate([[0], np.cumsum(lengths.ravel())])
     if starts[-1] >= np.iinfo(np.int32).max:
         raise MemoryError(f"tangent: {starts[-1]} entries exceed what 32-bit indices hold")
+    row_length = lengths[low.ravel(), 0] * np.where(nodes[first].ravel() <= nodes[second].ravel(), 1, -1)
+    place = np.stack([starts[:-1:3][low.ravel()] + 3 * rank, row_length])
     full = (3 * col[:, None] + np.arange(3)).ravel()
     columns = np.empty(starts[-1], dtype=np.int32)
     block_start = 3 * ptr
@@ -70,6 +70,7 @@ def pattern(nodes: Ints, n_nodes: int) -> Pattern:
     return Pattern(
         starts.astype(np.int32),
         columns,
-        np.concatenate([starts[:-1:3], starts[-1:]]),
-        np.ascontiguousarray(rank.reshape(len(first), n_elements).astype(np.int32)),
+        np.ascontiguousarray(
+            np.moveaxis(place.reshape(2, len(first), n_elements), 0, -1).swapaxes(0, 1), dtype=np.int32
+        ),
     )

@@ -30,13 +30,23 @@ class Shares:
 
     def run(self, work: Callable[[Ints], None]) -> None:
         """Do `work` on all elements, slabs at the same time, the rest after them."""
-        if len(self.slabs) > 1:
-            list(_pool().map(work, self.slabs))
-        else:
-            for slab in self.slabs:
-                work(slab)
+        run_parts(work, self.slabs)
         if self.rest.size:
             work(self.rest)
+
+
+def run_parts(work: Callable[[Ints], None], parts: tuple[Ints, ...]) -> None:
+    """Do `work` on all parts at the same time; an exception in one of them is raised here."""
+    if len(parts) == 1:
+        work(parts[0])
+    else:
+        list(_pool().map(work, parts))
+
+
+def split(elements: Ints) -> tuple[Ints, ...]:
+    """Elements in as many equal parts as are worth a thread each; for work that writes to its own elements only."""
+    count = max(1, min(usable_threads(), len(elements) // _FEWEST))
+    return tuple(np.array_split(elements, count))
 
 
 def shares(nodes: Ints, points: Array, threads: int | None = None) -> Shares:
@@ -71,6 +81,7 @@ def shares(nodes: Ints, points: Array, threads: int | None = None) -> Shares:
     return Shares(slabs, order[between[order]])
 
 
+@cache
 def usable_threads() -> int:
     """Processors that this process may use, at most four."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

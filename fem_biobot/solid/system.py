@@ -24,7 +24,7 @@ from fem_biobot.solid.held import Held, held
 from fem_biobot.solid.loading import dead_load
 from fem_biobot.solid.pattern import Pattern, pattern
 from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
-from fem_biobot.solid.sharing import Shares, shares
+from fem_biobot.solid.sharing import Shares, run_parts, shares, split
 from fem_biobot.solid.space import Element, Ints, Space, space
 
 # place of component (a, b), a <= b, in the packed upper triangle of a 6 by 6 matrix
@@ -118,22 +118,34 @@ class System:
     def deformation_gradient(self, u: Array) -> Array:
         """``F`` at the quadrature points, (3, 3, e, q)."""
         F = np.empty((3, 3, *self.space.dV.shape))
-        kernels.deformation_gradient(u, self.space.nodes, self.space.slopes, self.space.to_reference, F)
+        s = self.space
+
+        def write(elements: Ints) -> None:
+            kernels.deformation_gradient(elements, u, s.nodes, s.slopes, s.to_reference, F)
+
+        run_parts(write, split(np.arange(s.nodes.shape[1])))
         return F
 
-    def points(self, F: Array, tension: float, passive: bool = True) -> Points:
-        """Laws at the quadrature points; raises `InvertedError` where an element is inverted."""
+    def points(self, F: Array, tension: float, *, passive: bool = True, moduli: bool = True) -> Points:
+        """Laws at the quadrature points; raises `InvertedError` where an element is inverted.
+
+        Without `passive` the active tension alone; without `moduli` stress and energy only, with an empty ``D``.
+        """
         J, element = kernels.smallest_volume_ratio(F)
         if not J > 0.0:
             raise InvertedError(J, element)
         shape = self.space.dV.shape
-        S, D, psi = np.zeros((6, *shape)), np.zeros((21, *shape)), np.zeros(shape)
+        S, D, psi = np.zeros((6, *shape)), np.zeros((21 if moduli else 0, *shape)), np.zeros(shape)
         if passive:
             for law, elements in self.laws:
-                add_law(law, F, elements, S, D, psi)
+                run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(elements))
         if tension != 0.0:
             for c in self.contractions:
-                nominal_tension_points(F, c.elements, tension * c.tension, c.a0, S, D, psi)
+                scaled = tension * c.tension
+                run_parts(
+                    lambda part, c=c, scaled=scaled: nominal_tension_points(F, part, scaled, c.a0, S, D, psi),
+                    split(c.elements),
+                )
         return Points(F, S, D, psi)
 
     def internal_force(self, points: Points) -> tuple[Array, Array]:
@@ -157,9 +169,8 @@ class System:
 
         def add(elements: Ints) -> None:
             kernels.tangent(
-                elements, s.nodes, s.pairs, s.to_reference, s.dV, F, S, D, p.row_start, p.rank, self.turned,
-                self.held.axes, data,
-            )  # fmt: skip
+                elements, s.nodes, s.pairs, s.to_reference, s.dV, F, S, D, p.place, self.turned, self.held.axes, data
+            )
 
         self.shares.run(add)
         return data
@@ -188,17 +199,20 @@ def add_law(law: Law, F: Array, elements: Ints, S: Array, D: Array, psi: Array) 
         return
     part = F[:, :, elements]
     g = inverse(part)
+    psi[elements] += law.energy(part)
     full = np.einsum("im...,mk...->ik...", g, law.stress(part))
+    for a, (i, j) in enumerate(PAIRS):
+        S[a, elements] += full[i, j]
+    if not len(D):
+        return
     A4 = law.tangent(part)
     eye = np.eye(3)[:, :, None, None]
     material = np.einsum("mi...,ikjl...,nj...->mknl...", g, A4 - np.einsum("ij...,kl...->ikjl...", eye, full), g)
     place = 0
     for a, (i, j) in enumerate(PAIRS):
-        S[a, elements] += full[i, j]
         for k, m in PAIRS[a:]:
             D[place, elements] += material[i, j, k, m]
             place += 1
-    psi[elements] += law.energy(part)
 
 
 def assemble_system(
@@ -234,7 +248,7 @@ def assemble_system(
         held_nodes,
         dead_load(mesh, body, loads),
         shares(body.nodes, body.points),
-        held_nodes.turned,
+        held_nodes.turned if np.any(held_nodes.turned >= 0) else held_nodes.turned[:0],
         blocked,
         sparsity.starts[:-1][fixed].astype(np.int64),
     )

@@ -34,15 +34,19 @@ class NewtonSettings:
     max_cg
         Conjugate-gradient iterations with an older factor before the tangent is factored anew; a factorisation costs
         about twenty of them.
+    check_stability
+        Factor the tangent of every state once it has converged: an equilibrium from which the body would snap away is
+        no answer. Conjugate gradients alone do not see a direction in which nothing pushes.
     """
 
     tolerance: float = 1e-9
     max_iterations: int = 12
     max_cg: int = 12
+    check_stability: bool = True
 
 
 # relative residual of a trial below which the factor of the step before still serves
-_NEAR = 1e-5
+_NEAR = 1e-4
 
 
 # the residual cannot fall below this many times what rounding leaves of the stresses
@@ -98,6 +102,13 @@ class LinearSolver:
         """Have the next tangent factored."""
         self._usable = False
 
+    def factor(self, data: Array) -> None:
+        """Factor a tangent; raises `NotPositiveDefiniteError`."""
+        self._usable = False
+        self._renewable().factor(data)
+        self.counts.factorisations += 1
+        self._usable = True
+
     def solve(self, data: Array, b: Array, tolerance: float) -> Array:
         """Solve with the tangent's upper triangle; raises `NotPositiveDefiniteError`."""
         factor = self._renewable()
@@ -112,10 +123,7 @@ class LinearSolver:
             self.counts.cg += used
             if reached:
                 return x
-        self._usable = False
-        factor.factor(data)
-        self.counts.factorisations += 1
-        self._usable = True
+        self.factor(data)
         return factor.solve(b)
 
 
@@ -222,6 +230,16 @@ def newton(
     raise StepFailedError(
         f"no convergence in {settings.max_iterations} iterations (residual {norm / scale:.2g} of the force scale)"
     )
+
+
+def refuse_unstable(system: System, solver: LinearSolver, state: Equilibrium) -> None:
+    """Refuse a converged state whose tangent is not positive definite; raises `StepFailedError`."""
+    data = system.tangent(state.points.F, state.points.S, state.points.D)
+    system.block(data)
+    try:
+        solver.factor(data)
+    except NotPositiveDefiniteError:
+        raise StepFailedError("the equilibrium found is not stable (its tangent is not positive definite)") from None
 
 
 def _points(system: System, u: Array, step: Step, F: Array | None = None) -> Points:

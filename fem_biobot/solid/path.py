@@ -12,7 +12,16 @@ from dataclasses import replace
 import numpy as np
 
 from fem_biobot.material.law import Array
-from fem_biobot.solid.newton import Counts, Equilibrium, LinearSolver, NewtonSettings, Observer, StepFailedError, newton
+from fem_biobot.solid.newton import (
+    Counts,
+    Equilibrium,
+    LinearSolver,
+    NewtonSettings,
+    Observer,
+    StepFailedError,
+    newton,
+    refuse_unstable,
+)
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.system import InvertedError, System
 
@@ -66,6 +75,8 @@ def equilibria(
                 u, S = trial or _predict(system, history, goal)
                 exact = settings if len(goals) == 1 else rough
                 state, scale = newton(system, solver, goal, u, S, scale, exact, observe)
+                if settings.check_stability:
+                    refuse_unstable(system, solver, state)
             except StepFailedError as failure:
                 halvings += 1
                 reached = history[-1].step

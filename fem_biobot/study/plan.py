@@ -207,14 +207,16 @@ class Solver:
 
     def _meet_force(self, force: float) -> SolidState:
         """State with a given muscle force, by interpolating the tension; work of all trials is counted in it."""
-        work = np.zeros(3, dtype=int)
+        before = self.solver.counts.copy()
+        trial = replace(self.settings, check_stability=False)
         for _ in range(8):
-            state = self._go(self._step(self._tension_guess(force)), self.history[-3:])
-            work += (state.newton_iterations, state.factorisations, state.cg_iterations)
+            state = self._go(self._step(self._tension_guess(force)), self.history[-3:], trial)
             self._remember(state)
             if abs(self.seen[-1][1] - force) <= _FORCE_TOLERANCE * force:
+                self._go(state.step, [state])  # the state itself, with its stability checked
+                work = self.solver.counts.since(before)
                 return replace(
-                    state, newton_iterations=int(work[0]), factorisations=int(work[1]), cg_iterations=int(work[2])
+                    state, newton_iterations=work.newton, factorisations=work.factorisations, cg_iterations=work.cg
                 )
         raise SolveError(
             f"muscle force of {force:g} mN: not met in 8 tensions, the last gave {self.seen[-1][1]:.4g} mN"
@@ -256,7 +258,7 @@ class Solver:
         state = self._go(step, self.history[-3:])  # the moulded state at this tension
         path = [(0.0, state, self.measurer.passive_fibre_stress(state))]
         longest = _FIRST_LN_STRETCH
-        rough = replace(self.settings, tolerance=max(self.settings.tolerance, _TRIAL_TOLERANCE))
+        rough = replace(self.settings, tolerance=max(self.settings.tolerance, _TRIAL_TOLERANCE), check_stability=False)
         stress = path[-1][2]
         for _ in range(40):
             ln_s, state, stress = path[-1]

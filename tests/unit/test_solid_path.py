@@ -323,3 +323,21 @@ def test_an_impossible_tension_ends_with_what_was_reached() -> None:
     with pytest.raises(SolveError, match="no equilibrium between") as caught:
         solve(model, [tension_step(design, 3.0), tension_step(design, 1e4)])
     assert [state.step for state in caught.value.best.states] == [tension_step(design, 3.0)]
+
+
+def test_a_column_beyond_its_buckling_load_is_refused() -> None:
+    """A perfect column at 0.9 of Euler's load stands; at 1.6 no state is returned, though the straight one balances.
+
+    Catches: accepting an equilibrium whose tangent is not positive definite, which conjugate gradients do not see.
+    """
+    mesh = box_mesh((2, 2, 10), (1.0, 1.0, 8.0), shift=0.0)
+    young = 100.0
+    euler = np.pi**2 * young / 12.0 / (4.0 * 8.0**2)  # clamped-free, square section of side 1
+    model = SolidModel(
+        mesh, {"muscle": NeoHooke(young, 0.0)}, supports=[Fix("z0")], loads=[Traction("z1", (0.0, 0.0, -euler))]
+    )
+    assert len(solve(model, [0.9]).states) == 1
+    with pytest.raises(SolveError, match="positive definite") as caught:
+        solve(model, [1.6])
+    assert caught.value.reached.load < 1.05
+    assert not caught.value.best.states

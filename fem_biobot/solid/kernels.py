@@ -128,7 +128,8 @@ def internal_force(elements, nodes, slopes, to_reference, dV, F, S, force, magni
 # Elements whose matrices are made by one product of matrices: small enough to stay in cache and below the size at which
 # BLAS would wake threads of its own.
 _BLOCK = 12
-_ONE, _TWO = np.uint64(1), np.uint64(2)
+_ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+_FIVE, _SIX, _SEVEN = np.uint64(5), np.uint64(6), np.uint64(7)
 
 
 @njit(cache=True, nogil=True)
@@ -229,18 +230,16 @@ def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, place, turned, tu
             for a in range(n_basis):
                 for b in range(a, n_basis):
                     length = np.int64(place[e, pair, 1])
-                    # the block of the later node under the earlier one is the transpose
+                    # the block of the later node under the earlier one is the transpose; no branch, for it is a toss-up
                     ordered = length > 0
+                    flip = np.uint64(0) if ordered else _ONE
+                    length = abs(length)
                     k00 = K[0, pair]
                     k11 = K[4, pair]
                     k22 = K[8, pair]
-                    if ordered:
-                        k01, k02, k12 = K[1, pair], K[2, pair], K[5, pair]
-                        k10, k20, k21 = K[3, pair], K[6, pair], K[7, pair]
-                    else:
-                        length = -length
-                        k01, k02, k12 = K[3, pair], K[6, pair], K[7, pair]
-                        k10, k20, k21 = K[1, pair], K[2, pair], K[5, pair]
+                    k01, k10 = K[_ONE + _TWO * flip, pair], K[_THREE - _TWO * flip, pair]
+                    k02, k20 = K[_TWO + _FOUR * flip, pair], K[_SIX - _FOUR * flip, pair]
+                    k12, k21 = K[_FIVE + _TWO * flip, pair], K[_SEVEN - _TWO * flip, pair]
                     if turned.shape[0] > 0:
                         ta = turned[nodes[a, e]]
                         tb = turned[nodes[b, e]]

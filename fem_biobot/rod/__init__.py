@@ -1,0 +1,1 @@
+"""Geometrically exact rods: sections, elements, joints, statics, dynamics and the ground they walk on."""

@@ -1,0 +1,1 @@
+"""Vectors and matrices of three as tuples of scalars, for compiled code."""

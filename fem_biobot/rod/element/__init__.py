@@ -1,0 +1,1 @@
+"""The two-node rod element: its arrays, strains, internal force and tangent."""

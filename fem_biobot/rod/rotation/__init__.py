@@ -1,0 +1,1 @@
+"""Finite rotations: exponential, logarithm and updates that stay orthonormal."""

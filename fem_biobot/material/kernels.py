@@ -20,52 +20,87 @@ _FIRST = np.array([0, 1, 2, 0, 1, 0])
 _SECOND = np.array([0, 1, 2, 1, 2, 2])
 
 
-@njit(cache=True, nogil=True)
+# Elements in a pack, one in each lane of the last axis, so that the innermost loops become vector instructions; see
+# `solid.kernels`.
+_LANES = 16
+
+
+# "numpy": a division by zero gives no exception, whose check would keep the loop from becoming vector instructions
+@njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def neo_hooke_points(F, elements, mu, lmbda, S, D, psi):
     """Compressible neo-Hooke; same as `NeoHooke.stress` and `.tangent`."""
-    ci = np.empty((3, 3))
+    n_elements = elements.shape[0]
     moduli = D.shape[0] > 0
-    for index in range(elements.shape[0]):
-        e = elements[index]
+    f = np.empty((3, 3, _LANES))
+    C = np.empty((6, _LANES))
+    ci = np.empty((3, 3, _LANES))
+    det = np.empty(_LANES)
+    ln_J = np.empty(_LANES)
+    stress = np.empty((6, _LANES))
+    tangent = np.empty((21, _LANES))
+    for first in range(0, n_elements, _LANES):
+        filled = min(_LANES, n_elements - first)
         for q in range(F.shape[3]):
-            c00 = F[0, 0, e, q] ** 2 + F[1, 0, e, q] ** 2 + F[2, 0, e, q] ** 2
-            c11 = F[0, 1, e, q] ** 2 + F[1, 1, e, q] ** 2 + F[2, 1, e, q] ** 2
-            c22 = F[0, 2, e, q] ** 2 + F[1, 2, e, q] ** 2 + F[2, 2, e, q] ** 2
-            c01 = F[0, 0, e, q] * F[0, 1, e, q] + F[1, 0, e, q] * F[1, 1, e, q] + F[2, 0, e, q] * F[2, 1, e, q]
-            c12 = F[0, 1, e, q] * F[0, 2, e, q] + F[1, 1, e, q] * F[1, 2, e, q] + F[2, 1, e, q] * F[2, 2, e, q]
-            c02 = F[0, 0, e, q] * F[0, 2, e, q] + F[1, 0, e, q] * F[1, 2, e, q] + F[2, 0, e, q] * F[2, 2, e, q]
-            m00 = c11 * c22 - c12 * c12
-            m01 = c02 * c12 - c01 * c22
-            m02 = c01 * c12 - c02 * c11
-            det = c00 * m00 + c01 * m01 + c02 * m02
-            ci[0, 0] = m00 / det
-            ci[0, 1] = m01 / det
-            ci[0, 2] = m02 / det
-            ci[1, 1] = (c00 * c22 - c02 * c02) / det
-            ci[1, 2] = (c01 * c02 - c00 * c12) / det
-            ci[2, 2] = (c00 * c11 - c01 * c01) / det
-            ci[1, 0] = ci[0, 1]
-            ci[2, 0] = ci[0, 2]
-            ci[2, 1] = ci[1, 2]
-            ln_J = 0.5 * np.log(det)
-            pressure_part = lmbda * ln_J - mu
-            psi[e, q] += 0.5 * mu * (c00 + c11 + c22 - 3.0) - mu * ln_J + 0.5 * lmbda * ln_J * ln_J
-            place = 0
-            for a in range(6):
-                i = _FIRST[a]
-                j = _SECOND[a]
-                S[a, e, q] += pressure_part * ci[i, j]
-                if a < 3:
-                    S[a, e, q] += mu
-                if not moduli:
-                    continue
-                for b in range(a, 6):
-                    k = _FIRST[b]
-                    m = _SECOND[b]
-                    D[place, e, q] += lmbda * ci[i, j] * ci[k, m] - pressure_part * (
-                        ci[i, k] * ci[j, m] + ci[i, m] * ci[j, k]
+            for lane in range(_LANES):
+                e = elements[min(first + lane, n_elements - 1)]
+                for i in range(3):
+                    for k in range(3):
+                        f[i, k, lane] = F[i, k, e, q]
+            for lane in range(_LANES):
+                for a in range(6):
+                    i, j = _FIRST[a], _SECOND[a]
+                    C[a, lane] = (
+                        f[0, i, lane] * f[0, j, lane] + f[1, i, lane] * f[1, j, lane] + f[2, i, lane] * f[2, j, lane]
                     )
-                    place += 1
+            for lane in range(_LANES):
+                c00, c11, c22 = C[0, lane], C[1, lane], C[2, lane]
+                c01, c12, c02 = C[3, lane], C[4, lane], C[5, lane]
+                m00 = c11 * c22 - c12 * c12
+                m01 = c02 * c12 - c01 * c22
+                m02 = c01 * c12 - c02 * c11
+                J2 = c00 * m00 + c01 * m01 + c02 * m02
+                det[lane] = J2
+                i01, i02, i12 = m01 / J2, m02 / J2, (c01 * c02 - c00 * c12) / J2
+                ci[0, 0, lane] = m00 / J2
+                ci[0, 1, lane] = i01
+                ci[0, 2, lane] = i02
+                ci[1, 0, lane] = i01
+                ci[1, 1, lane] = (c00 * c22 - c02 * c02) / J2
+                ci[1, 2, lane] = i12
+                ci[2, 0, lane] = i02
+                ci[2, 1, lane] = i12
+                ci[2, 2, lane] = (c00 * c11 - c01 * c01) / J2
+            for lane in range(_LANES):
+                ln_J[lane] = 0.5 * np.log(det[lane])
+            for lane in range(_LANES):
+                pressure_part = lmbda * ln_J[lane] - mu
+                for a in range(6):
+                    stress[a, lane] = pressure_part * ci[_FIRST[a], _SECOND[a], lane]
+                for a in range(3):
+                    stress[a, lane] += mu
+            for lane in range(filled):
+                e = elements[first + lane]
+                x = ln_J[lane]
+                trace = C[0, lane] + C[1, lane] + C[2, lane]
+                psi[e, q] += 0.5 * mu * (trace - 3.0) - mu * x + 0.5 * lmbda * x * x
+                for a in range(6):
+                    S[a, e, q] += stress[a, lane]
+            if not moduli:
+                continue
+            entry = 0
+            for a in range(6):
+                i, j = _FIRST[a], _SECOND[a]
+                for b in range(a, 6):
+                    k, m = _FIRST[b], _SECOND[b]
+                    for lane in range(_LANES):
+                        tangent[entry, lane] = lmbda * ci[i, j, lane] * ci[k, m, lane] - (lmbda * ln_J[lane] - mu) * (
+                            ci[i, k, lane] * ci[j, m, lane] + ci[i, m, lane] * ci[j, k, lane]
+                        )
+                    entry += 1
+            for lane in range(filled):
+                e = elements[first + lane]
+                for entry in range(21):
+                    D[entry, e, q] += tangent[entry, lane]
 
 
 @njit(cache=True, nogil=True)
@@ -93,14 +128,14 @@ def nominal_tension_points(F, elements, tension, a0, S, D, psi):
             psi[e, q] += T * (stretch - 1.0)
             first = T / stretch
             second = -T / stretch**3
-            place = 0
+            entry = 0
             for a in range(6):
                 S[a, e, q] += first * aa[a]
                 if not moduli:
                     continue
                 for b in range(a, 6):
-                    D[place, e, q] += second * aa[a] * aa[b]
-                    place += 1
+                    D[entry, e, q] += second * aa[a] * aa[b]
+                    entry += 1
 
 
 @njit(cache=True, nogil=True)
@@ -134,23 +169,23 @@ def pull_back_points(G, elements, volume, S_e, D_e, psi_e, S, D, psi):
                 S[a, e, q] += volume[e] * total
             if D.shape[0] == 0:
                 continue
-            place = 0
+            entry = 0
             for a in range(6):
                 for b in range(a, 6):
-                    full[a, b] = D_e[place, e, q]
+                    full[a, b] = D_e[entry, e, q]
                     full[b, a] = full[a, b]
-                    place += 1
+                    entry += 1
             for a in range(6):
                 for b in range(6):
                     acc = 0.0
                     for c in range(6):
                         acc += turn[a, c] * full[c, b]
                     half[a, b] = acc
-            place = 0
+            entry = 0
             for a in range(6):
                 for b in range(a, 6):
                     acc = 0.0
                     for c in range(6):
                         acc += half[a, c] * turn[b, c]
-                    D[place, e, q] += volume[e] * acc
-                    place += 1
+                    D[entry, e, q] += volume[e] * acc
+                    entry += 1

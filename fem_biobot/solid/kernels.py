@@ -3,6 +3,11 @@
 Shape letters: ``e`` elements, ``q`` quadrature points, ``b`` nodes of an element, ``n`` nodes. Tensor axes first, point
 axes last, but nodal vectors are (n, 3) so that one node lies together. Symmetric tensors are packed as in
 `material.law.PAIRS`. Every kernel writes only to the buffers named in its first line.
+
+The element kernels take packs of elements, one in each lane of the last axis of small arrays of their own, so that the
+innermost loops become vector instructions; the last pack is filled up with its last element, which counts once. What
+that rests on: those arrays have constant sizes but for one axis, loops over lanes are innermost but for loops of
+constant length, and products may be contracted with sums ("contract" reorders nothing, so results repeat).
 """
 
 from __future__ import annotations
@@ -18,31 +23,64 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 _FIRST = np.array([0, 1, 2, 0, 1, 0])
 _SECOND = np.array([0, 1, 2, 1, 2, 2])
 _PACKED = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+# entry of a component (a, b) of a symmetric 6 by 6 matrix in its upper triangle by rows
+_ENTRY = np.array(
+    [
+        [0, 1, 2, 3, 4, 5],
+        [1, 6, 7, 8, 9, 10],
+        [2, 7, 11, 12, 13, 14],
+        [3, 8, 12, 15, 16, 17],
+        [4, 9, 13, 16, 18, 19],
+        [5, 10, 14, 17, 19, 20],
+    ]
+)
+# Elements in a pack: two of the widest vectors. The compiler unrolls loops of half that length whole and then finds no
+# vector instructions for them.
+_LANES = 16
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def deformation_gradient(elements, u, nodes, slopes, to_reference, F):
     """Write ``F = I + du/dX`` of `elements`, (3, 3, e, q); `slopes` (b, 3, q) are on the unit cell."""
     n_basis = nodes.shape[0]
-    H = np.empty((3, 3))
-    for e in elements:
+    n_elements = elements.shape[0]
+    R = np.empty((3, 3, _LANES))
+    moved = np.empty((n_basis, 3, _LANES))
+    H = np.empty((3, 3, _LANES))
+    out = np.empty((3, 3, _LANES))
+    for first in range(0, n_elements, _LANES):
+        filled = min(_LANES, n_elements - first)
+        for lane in range(_LANES):
+            e = elements[min(first + lane, n_elements - 1)]
+            for d in range(3):
+                for k in range(3):
+                    R[d, k, lane] = to_reference[d, k, e]
+            for a in range(n_basis):
+                for i in range(3):
+                    moved[a, i, lane] = u[nodes[a, e], i]
         for q in range(slopes.shape[2]):
             H[:] = 0.0
             for a in range(n_basis):
-                node = nodes[a, e]
-                for d in range(3):
-                    s = slopes[a, d, q]
-                    H[0, d] += u[node, 0] * s
-                    H[1, d] += u[node, 1] * s
-                    H[2, d] += u[node, 2] * s
-            for i in range(3):
-                for k in range(3):
-                    F[i, k, e, q] = (
-                        H[i, 0] * to_reference[0, k, e]
-                        + H[i, 1] * to_reference[1, k, e]
-                        + H[i, 2] * to_reference[2, k, e]
-                    )
-                F[i, i, e, q] += 1.0
+                s0, s1, s2 = slopes[a, 0, q], slopes[a, 1, q], slopes[a, 2, q]
+                for lane in range(_LANES):
+                    for i in range(3):
+                        H[i, 0, lane] += moved[a, i, lane] * s0
+                        H[i, 1, lane] += moved[a, i, lane] * s1
+                        H[i, 2, lane] += moved[a, i, lane] * s2
+            for lane in range(_LANES):
+                for i in range(3):
+                    for k in range(3):
+                        out[i, k, lane] = (
+                            H[i, 0, lane] * R[0, k, lane]
+                            + H[i, 1, lane] * R[1, k, lane]
+                            + H[i, 2, lane] * R[2, k, lane]
+                        )
+                    out[i, i, lane] += 1.0
+            for lane in range(filled):
+                e = elements[first + lane]
+                for i in range(3):
+                    for k in range(3):
+                        F[i, k, e, q] = out[i, k, lane]
 
 
 @njit(cache=True, nogil=True)
@@ -82,194 +120,237 @@ def extrapolated_stress(F, F_next, S, D, out):
                 dE[a] = 0.5 * total if a < 3 else total
             for a in range(6):
                 out[a, e, q] = S[a, e, q]
-            place = 0
+            entry = 0
             for a in range(6):
                 for b in range(a, 6):
-                    out[a, e, q] += D[place, e, q] * dE[b]
+                    out[a, e, q] += D[entry, e, q] * dE[b]
                     if b != a:
-                        out[b, e, q] += D[place, e, q] * dE[a]
-                    place += 1
+                        out[b, e, q] += D[entry, e, q] * dE[a]
+                    entry += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def internal_force(elements, nodes, slopes, to_reference, dV, F, S, force, magnitude):
     """Add to `force` (n, 3) the internal force of `elements`, to `magnitude` the sizes of its element parts."""
     n_basis = nodes.shape[0]
-    n_points = slopes.shape[2]
-    local = np.empty((n_basis, 3))
-    P = np.empty((3, 3))
-    T = np.empty((3, 3))
-    for e in elements:
-        local[:] = 0.0
-        for q in range(n_points):
-            for i in range(3):
-                for k in range(3):
-                    P[i, k] = (
-                        F[i, 0, e, q] * S[_PACKED[0, k], e, q]
-                        + F[i, 1, e, q] * S[_PACKED[1, k], e, q]
-                        + F[i, 2, e, q] * S[_PACKED[2, k], e, q]
-                    ) * dV[e, q]
-            for i in range(3):
-                for d in range(3):
-                    T[i, d] = (
-                        P[i, 0] * to_reference[d, 0, e]
-                        + P[i, 1] * to_reference[d, 1, e]
-                        + P[i, 2] * to_reference[d, 2, e]
-                    )
-            for a in range(n_basis):
-                for i in range(3):
-                    local[a, i] += T[i, 0] * slopes[a, 0, q] + T[i, 1] * slopes[a, 1, q] + T[i, 2] * slopes[a, 2, q]
-        for a in range(n_basis):
-            for i in range(3):
-                force[nodes[a, e], i] += local[a, i]
-                magnitude[nodes[a, e], i] += abs(local[a, i])
-
-
-# Elements whose matrices are made by one product of matrices: small enough to stay in cache and below the size at which
-# BLAS would wake threads of its own.
-_BLOCK = 12
-_ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-_FIVE, _SIX, _SEVEN = np.uint64(5), np.uint64(6), np.uint64(7)
-
-
-@njit(cache=True, nogil=True)
-def reference_moduli(e, q, to_reference, dV, F, S, D, small, large, out):
-    """Write ``A4 = I x S + F D F`` of one point, times its volume, with its slots k, l on the unit cell.
-
-    `out` (9, 9): rows 3 i + j over displacements, columns 3 d + f over directions of the unit cell. The slots k, l of
-    ``A4[i, k, j, l]`` are carried there by d xi/dX, so that gradients of the basis on the unit cell, the same for all
-    elements, apply to it. `small` (4, 3, 3) and `large` (15, 9) are scratch: allocating them here would cost as much
-    as the arithmetic.
-    """
-    w = dV[e, q]
-    f, R, S_full, S_ref = small[0], small[1], small[2], small[3]
-    D_full, half, part = large[:9], large[9:12], large[12:15]
-    for i in range(3):
-        for k in range(3):
-            f[i, k] = F[i, k, e, q]
-            R[i, k] = to_reference[i, k, e]
-    place = 0
-    for a in range(6):
-        i = _FIRST[a]
-        j = _SECOND[a]
-        S_full[i, j] = S[a, e, q]
-        S_full[j, i] = S[a, e, q]
-        for b in range(a, 6):
-            k = _FIRST[b]
-            m = _SECOND[b]
-            value = D[place, e, q] * w
-            place += 1
-            D_full[3 * i + j, 3 * k + m] = value
-            D_full[3 * i + j, 3 * m + k] = value
-            D_full[3 * j + i, 3 * k + m] = value
-            D_full[3 * j + i, 3 * m + k] = value
-            D_full[3 * k + m, 3 * i + j] = value
-            D_full[3 * m + k, 3 * i + j] = value
-            D_full[3 * k + m, 3 * j + i] = value
-            D_full[3 * m + k, 3 * j + i] = value
-    for d in range(3):
-        for g in range(3):
-            total = 0.0
-            for k in range(3):
-                total += R[d, k] * (S_full[k, 0] * R[g, 0] + S_full[k, 1] * R[g, 1] + S_full[k, 2] * R[g, 2])
-            S_ref[d, g] = total * w
-    for i in range(3):
-        # half[k, (n, l)] = F[i, m] D[(m, k), (n, l)], then k to the unit cell
-        for k in range(3):
-            for c in range(9):
-                half[k, c] = f[i, 0] * D_full[k, c] + f[i, 1] * D_full[3 + k, c] + f[i, 2] * D_full[6 + k, c]
-        for d in range(3):
-            for c in range(9):
-                part[d, c] = R[d, 0] * half[0, c] + R[d, 1] * half[1, c] + R[d, 2] * half[2, c]
-        for j in range(i, 3):
+    n_elements = elements.shape[0]
+    R = np.empty((3, 3, _LANES))
+    f = np.empty((3, 3, _LANES))
+    s = np.empty((6, _LANES))
+    T = np.empty((3, 3, _LANES))
+    local = np.empty((n_basis, 3, _LANES))
+    for first in range(0, n_elements, _LANES):
+        filled = min(_LANES, n_elements - first)
+        for lane in range(_LANES):
+            e = elements[min(first + lane, n_elements - 1)]
             for d in range(3):
-                x0 = f[j, 0] * part[d, 0] + f[j, 1] * part[d, 3] + f[j, 2] * part[d, 6]
-                x1 = f[j, 0] * part[d, 1] + f[j, 1] * part[d, 4] + f[j, 2] * part[d, 7]
-                x2 = f[j, 0] * part[d, 2] + f[j, 1] * part[d, 5] + f[j, 2] * part[d, 8]
-                for g in range(3):
-                    value = x0 * R[g, 0] + x1 * R[g, 1] + x2 * R[g, 2]
-                    if i == j:
-                        value += S_ref[d, g]
-                    else:  # major symmetry: A4[i, k, j, l] = A4[j, l, i, k]
-                        out[3 * j + i, 3 * g + d] = value
-                    out[3 * i + j, 3 * d + g] = value
+                for k in range(3):
+                    R[d, k, lane] = to_reference[d, k, e]
+        local[:] = 0.0
+        for q in range(slopes.shape[2]):
+            for lane in range(_LANES):
+                e = elements[min(first + lane, n_elements - 1)]
+                w = dV[e, q]
+                for i in range(3):
+                    for k in range(3):
+                        f[i, k, lane] = F[i, k, e, q]
+                for a in range(6):
+                    s[a, lane] = S[a, e, q] * w
+            # the first Piola stress, its second slot on the unit cell
+            for i in range(3):
+                for lane in range(_LANES):
+                    f0, f1, f2 = f[i, 0, lane], f[i, 1, lane], f[i, 2, lane]
+                    p0 = f0 * s[0, lane] + f1 * s[3, lane] + f2 * s[5, lane]
+                    p1 = f0 * s[3, lane] + f1 * s[1, lane] + f2 * s[4, lane]
+                    p2 = f0 * s[5, lane] + f1 * s[4, lane] + f2 * s[2, lane]
+                    for d in range(3):
+                        T[i, d, lane] = p0 * R[d, 0, lane] + p1 * R[d, 1, lane] + p2 * R[d, 2, lane]
+            for a in range(n_basis):
+                s0, s1, s2 = slopes[a, 0, q], slopes[a, 1, q], slopes[a, 2, q]
+                for lane in range(_LANES):
+                    for i in range(3):
+                        local[a, i, lane] += T[i, 0, lane] * s0 + T[i, 1, lane] * s1 + T[i, 2, lane] * s2
+        for lane in range(filled):
+            e = elements[first + lane]
+            for a in range(n_basis):
+                node = nodes[a, e]
+                for i in range(3):
+                    force[node, i] += local[a, i, lane]
+                    magnitude[node, i] += abs(local[a, i, lane])
 
 
-@njit(cache=True, nogil=True)
-def tangent(elements, nodes, pairs, to_reference, dV, F, S, D, place, turned, turns, data):
+# places in the matrix are unsigned: signed ones would be checked for counting from the end at every access
+_ZERO, _ONE, _TWO, _THREE, _FOUR, _EIGHT = (np.uint64(number) for number in (0, 1, 2, 3, 4, 8))
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def tangent(elements, nodes, slopes, to_reference, dV, F, S, D, place, turned, turns, data):
     """Add to `data` the tangent's upper triangle of `elements`, ``int dN_a A4 dN_b`` with ``A4 = I x S + F D F``.
 
-    `S` is the stress of the geometric part, `D` the material tangent at `F`. `pairs` (9 q, p) holds the products of
-    the basis gradients on the unit cell for every pair ``a <= b``: one product of matrices gives the matrices of a
-    block of elements. `place` (e, p, 2) says where each pair's block begins in `data` and how long its first row is
-    there, negative where the later node comes first; see `solid.pattern`. Nodes with ``turned[node] >= 0`` (an empty
-    `turned` if there are none) are assembled in the axes ``turns[:, :, turned[node]]`` (rows are the local axes). Same
-    as the scikit-fem form in tests/oracles.
+    `S` is the stress of the geometric part, `D` the material tangent at `F`. `place` (e, p, 2) says for every pair
+    ``a <= b`` of an element's nodes where its block begins in `data` and how long its first row is there, negative
+    where the later node comes first; see `solid.pattern`. Nodes with ``turned[node] >= 0`` (an empty `turned` if there
+    are none) are assembled in the axes ``turns[:, :, turned[node]]`` (rows are the local axes). Same as the
+    scikit-fem form in tests/oracles.
     """
     n_basis = nodes.shape[0]
-    n_points = dV.shape[1]
-    n_pairs = pairs.shape[1]
-    moduli = np.empty((_BLOCK * 9, 9 * n_points))
-    matrices = np.empty((_BLOCK * 9, n_pairs))
-    small = np.empty((4, 3, 3))
-    large = np.empty((15, 9))
+    n_points = slopes.shape[2]
+    n_elements = elements.shape[0]
+    turning = turned.shape[0] > 0
+    R = np.empty((3, 3, _LANES))
+    f = np.empty((3, 3, _LANES))
+    s = np.empty((6, _LANES))
+    d_packed = np.empty((21, _LANES))
+    strain = np.empty((9, 6, _LANES))
+    stress = np.empty((9, 6, _LANES))
+    moduli = np.empty((n_points, 3, 3, 9, _LANES))
+    half = np.empty((n_points, 3, 9, _LANES))
+    K = np.empty((n_basis, 9, _LANES))
     block = np.empty((3, 3))
     other = np.empty((3, 3))
-    for first in range(0, elements.shape[0], _BLOCK):
-        count = min(_BLOCK, elements.shape[0] - first)
-        for local in range(count):
+    for first in range(0, n_elements, _LANES):
+        filled = min(_LANES, n_elements - first)
+        for lane in range(_LANES):
+            e = elements[min(first + lane, n_elements - 1)]
+            for d in range(3):
+                for k in range(3):
+                    R[d, k, lane] = to_reference[d, k, e]
+        # Moduli: A4[i, k, j, l] times the volume with its slots k, l carried to the unit cell, so that gradients of the
+        # basis there, the same for all elements, apply to it: moduli[q, d, g, 3 i + j].
+        for q in range(n_points):
+            for lane in range(_LANES):
+                e = elements[min(first + lane, n_elements - 1)]
+                w = dV[e, q]
+                for i in range(3):
+                    for k in range(3):
+                        f[i, k, lane] = F[i, k, e, q]
+                for a in range(6):
+                    s[a, lane] = S[a, e, q] * w
+                for entry in range(21):
+                    d_packed[entry, lane] = D[entry, e, q] * w
+            # strain[3 i + d]: the Green strain (shears doubled) of du_i/dxi_d = 1; stress: D times it
+            for i in range(3):
+                for d in range(3):
+                    for lane in range(_LANES):
+                        f0, f1, f2 = f[i, 0, lane], f[i, 1, lane], f[i, 2, lane]
+                        r0, r1, r2 = R[d, 0, lane], R[d, 1, lane], R[d, 2, lane]
+                        strain[3 * i + d, 0, lane] = f0 * r0
+                        strain[3 * i + d, 1, lane] = f1 * r1
+                        strain[3 * i + d, 2, lane] = f2 * r2
+                        strain[3 * i + d, 3, lane] = f0 * r1 + f1 * r0
+                        strain[3 * i + d, 4, lane] = f1 * r2 + f2 * r1
+                        strain[3 * i + d, 5, lane] = f0 * r2 + f2 * r0
+            for c in range(9):
+                for lane in range(_LANES):
+                    e0, e1, e2 = strain[c, 0, lane], strain[c, 1, lane], strain[c, 2, lane]
+                    e3, e4, e5 = strain[c, 3, lane], strain[c, 4, lane], strain[c, 5, lane]
+                    for a in range(6):
+                        stress[c, a, lane] = (
+                            d_packed[_ENTRY[a, 0], lane] * e0
+                            + d_packed[_ENTRY[a, 1], lane] * e1
+                            + d_packed[_ENTRY[a, 2], lane] * e2
+                            + d_packed[_ENTRY[a, 3], lane] * e3
+                            + d_packed[_ENTRY[a, 4], lane] * e4
+                            + d_packed[_ENTRY[a, 5], lane] * e5
+                        )
+            for i in range(3):
+                for d in range(3):
+                    for j in range(i, 3):
+                        for lane in range(_LANES):
+                            e0, e1, e2 = (
+                                strain[3 * i + d, 0, lane],
+                                strain[3 * i + d, 1, lane],
+                                strain[3 * i + d, 2, lane],
+                            )
+                            e3, e4, e5 = (
+                                strain[3 * i + d, 3, lane],
+                                strain[3 * i + d, 4, lane],
+                                strain[3 * i + d, 5, lane],
+                            )
+                            for g in range(3):
+                                value = (
+                                    e0 * stress[3 * j + g, 0, lane]
+                                    + e1 * stress[3 * j + g, 1, lane]
+                                    + e2 * stress[3 * j + g, 2, lane]
+                                    + e3 * stress[3 * j + g, 3, lane]
+                                    + e4 * stress[3 * j + g, 4, lane]
+                                    + e5 * stress[3 * j + g, 5, lane]
+                                )
+                                moduli[q, d, g, 3 * i + j, lane] = value
+                                # major symmetry: A4[i, k, j, l] = A4[j, l, i, k]
+                                moduli[q, g, d, 3 * j + i, lane] = value
+            for d in range(3):
+                for lane in range(_LANES):
+                    r0, r1, r2 = R[d, 0, lane], R[d, 1, lane], R[d, 2, lane]
+                    t0 = r0 * s[0, lane] + r1 * s[3, lane] + r2 * s[5, lane]
+                    t1 = r0 * s[3, lane] + r1 * s[1, lane] + r2 * s[4, lane]
+                    t2 = r0 * s[5, lane] + r1 * s[4, lane] + r2 * s[2, lane]
+                    for g in range(3):
+                        value = t0 * R[g, 0, lane] + t1 * R[g, 1, lane] + t2 * R[g, 2, lane]
+                        moduli[q, d, g, 0, lane] += value
+                        moduli[q, d, g, 4, lane] += value
+                        moduli[q, d, g, 8, lane] += value
+        pair = 0
+        for a in range(n_basis):
             for q in range(n_points):
-                out = moduli[9 * local : 9 * local + 9, 9 * q : 9 * q + 9]
-                reference_moduli(elements[first + local], q, to_reference, dV, F, S, D, small, large, out)
-        np.dot(moduli, pairs, matrices)
-        for local in range(count):
-            # places are unsigned: signed ones would be checked for counting from the end at every access
-            e = np.uint64(elements[first + local])
-            K = matrices[9 * local : 9 * local + 9]
-            pair = np.uint64(0)
-            for a in range(n_basis):
-                for b in range(a, n_basis):
-                    length = np.int64(place[e, pair, 1])
-                    # the block of the later node under the earlier one is the transpose; no branch, for it is a toss-up
-                    ordered = length > 0
-                    flip = np.uint64(0) if ordered else _ONE
-                    length = abs(length)
-                    k00 = K[0, pair]
-                    k11 = K[4, pair]
-                    k22 = K[8, pair]
-                    k01, k10 = K[_ONE + _TWO * flip, pair], K[_THREE - _TWO * flip, pair]
-                    k02, k20 = K[_TWO + _FOUR * flip, pair], K[_SIX - _FOUR * flip, pair]
-                    k12, k21 = K[_FIVE + _TWO * flip, pair], K[_SEVEN - _TWO * flip, pair]
-                    if turned.shape[0] > 0:
-                        ta = turned[nodes[a, e]]
-                        tb = turned[nodes[b, e]]
+                s0, s1, s2 = slopes[a, 0, q], slopes[a, 1, q], slopes[a, 2, q]
+                for lane in range(_LANES):
+                    for g in range(3):
+                        for c in range(9):
+                            half[q, g, c, lane] = (
+                                s0 * moduli[q, 0, g, c, lane]
+                                + s1 * moduli[q, 1, g, c, lane]
+                                + s2 * moduli[q, 2, g, c, lane]
+                            )
+            for b in range(a, n_basis):
+                K[b] = 0.0
+                for q in range(n_points):
+                    s0, s1, s2 = slopes[b, 0, q], slopes[b, 1, q], slopes[b, 2, q]
+                    for lane in range(_LANES):
+                        for c in range(9):
+                            K[b, c, lane] += (
+                                half[q, 0, c, lane] * s0 + half[q, 1, c, lane] * s1 + half[q, 2, c, lane] * s2
+                            )
+            for lane in range(filled):
+                e = elements[first + lane]
+                if turning:
+                    for b in range(a, n_basis):
+                        ta, tb = turned[nodes[a, e]], turned[nodes[b, e]]
                         if ta >= 0 or tb >= 0:
-                            block[0, 0], block[0, 1], block[0, 2] = k00, k01, k02
-                            block[1, 0], block[1, 1], block[1, 2] = k10, k11, k12
-                            block[2, 0], block[2, 1], block[2, 2] = k20, k21, k22
-                            if ordered:
-                                _turn(block, other, turns, ta, tb)
-                            else:
-                                _turn(block, other, turns, tb, ta)
-                            k00, k01, k02 = block[0, 0], block[0, 1], block[0, 2]
-                            k10, k11, k12 = block[1, 0], block[1, 1], block[1, 2]
-                            k20, k21, k22 = block[2, 0], block[2, 1], block[2, 2]
-                    # rows of one node: lengths L, L - 1, L - 2
-                    start = np.int64(place[e, pair, 0])
-                    at0 = np.uint64(start)
-                    at1 = np.uint64(start + length - 1)
-                    at2 = np.uint64(start + 2 * length - 3)
-                    data[at0] += k00
-                    data[at0 + _ONE] += k01
-                    data[at0 + _TWO] += k02
-                    data[at1 + _ONE] += k11
-                    data[at1 + _TWO] += k12
-                    data[at2 + _TWO] += k22
-                    if b > a:  # a diagonal block has its upper half only
-                        data[at1] += k10
-                        data[at2] += k20
-                        data[at2 + _ONE] += k21
-                    pair += _ONE
+                            for c in range(9):
+                                block[c // 3, c % 3] = K[b, c, lane]
+                            _turn(block, other, turns, ta, tb)
+                            for c in range(9):
+                                K[b, c, lane] = block[c // 3, c % 3]
+                _add_blocks(np.uint64(a), np.uint64(n_basis), np.uint64(pair), K, np.uint64(lane), place[e], data)
+            pair += n_basis - a
+
+
+@njit(cache=True, nogil=True)
+def _add_blocks(a, n_basis, pair, K, lane, place, data):
+    """Add to `data` the blocks of node `a` with itself and with the later nodes of its element, the first at `pair`."""
+    for b in range(a, n_basis):
+        at = np.uint64(place[pair, _ZERO])
+        length = np.int64(place[pair, _ONE])
+        pair += _ONE
+        # The block of the later node under the earlier one is the transpose; no branch, for it is a toss-up.
+        down = _THREE if length > 0 else _ONE
+        across = _FOUR - down
+        length = np.uint64(abs(length))
+        # rows of one node: lengths L, L - 1, L - 2
+        data[at] += K[b, _ZERO, lane]
+        data[at + _ONE] += K[b, across, lane]
+        data[at + _TWO] += K[b, _TWO * across, lane]
+        at += length - _ONE
+        data[at + _ONE] += K[b, _FOUR, lane]
+        data[at + _TWO] += K[b, down + _TWO * across, lane]
+        if b > a:  # a diagonal block has its upper half only
+            data[at] += K[b, down, lane]
+        at += length - _TWO
+        data[at + _TWO] += K[b, _EIGHT, lane]
+        if b > a:
+            data[at] += K[b, _TWO * down, lane]
+            data[at + _ONE] += K[b, _TWO * down + across, lane]
 
 
 @njit(cache=True, nogil=True)

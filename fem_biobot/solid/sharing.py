@@ -23,7 +23,7 @@ _MOST_THREADS = 4
 
 @dataclass(frozen=True)
 class Shares:
-    """Elements of each slab that touch no other slab, and the rest, each ascending along the body's longest extent."""
+    """Elements of each slab that touch no other slab, and the rest; ascending, so that their data are read in order."""
 
     slabs: tuple[Ints, ...]
     rest: Ints
@@ -64,10 +64,10 @@ def shares(nodes: Ints, points: Array, threads: int | None = None) -> Shares:
     n_elements = nodes.shape[1]
     threads = usable_threads() if threads is None else threads
     count = max(1, min(threads, n_elements // _FEWEST))
+    if count == 1:
+        return Shares((np.arange(n_elements),), np.zeros(0, dtype=np.int64))
     axis = int(np.argmax(np.ptp(points, axis=1)))
     order = np.argsort(points[axis, nodes].mean(axis=0), kind="stable")
-    if count == 1:
-        return Shares((order,), np.zeros(0, dtype=np.int64))
     slab_of = np.empty(n_elements, dtype=np.int64)
     slab_of[order] = np.arange(n_elements) * count // n_elements
     first = np.full(points.shape[1], count)
@@ -77,8 +77,8 @@ def shares(nodes: Ints, points: Array, threads: int | None = None) -> Shares:
     np.minimum.at(first, touched, by)
     np.maximum.at(last, touched, by)
     between = np.any((first != last)[nodes], axis=0)
-    slabs = tuple(order[(slab_of[order] == k) & ~between[order]] for k in range(count))
-    return Shares(slabs, order[between[order]])
+    slabs = tuple(np.flatnonzero((slab_of == k) & ~between) for k in range(count))
+    return Shares(slabs, np.flatnonzero(between))
 
 
 @cache

@@ -27,8 +27,8 @@ from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
 from fem_biobot.solid.sharing import Shares, run_parts, shares, split
 from fem_biobot.solid.space import Element, Ints, Space, space
 
-# place of component (a, b), a <= b, in the packed upper triangle of a 6 by 6 matrix
-PACKED_PLACE = {(a, b): 6 * a - a * (a - 1) // 2 + b - a for a in range(6) for b in range(a, 6)}
+# entry of component (a, b), a <= b, in the packed upper triangle of a 6 by 6 matrix
+PACKED_ENTRY = {(a, b): 6 * a - a * (a - 1) // 2 + b - a for a in range(6) for b in range(a, 6)}
 
 
 class Points(NamedTuple):
@@ -99,7 +99,7 @@ class System:
         F = self.deformation_gradient(np.zeros((s.n_nodes, 3)))
         rest = self.points(F, 0.0)
         modulus = np.zeros_like(rest.S)
-        modulus[:3] = rest.D[[PACKED_PLACE[a, a] for a in range(3)]]
+        modulus[:3] = rest.D[[PACKED_ENTRY[a, a] for a in range(3)]]
         magnitude = np.zeros((s.n_nodes, 3))
         force = np.zeros((s.n_nodes, 3))
         kernels.internal_force(
@@ -169,7 +169,7 @@ class System:
 
         def add(elements: Ints) -> None:
             kernels.tangent(
-                elements, s.nodes, s.pairs, s.to_reference, s.dV, F, S, D, p.place, self.turned, self.held.axes, data
+                elements, s.nodes, s.slopes, s.to_reference, s.dV, F, S, D, p.place, self.turned, self.held.axes, data
             )
 
         self.shares.run(add)
@@ -208,11 +208,11 @@ def add_law(law: Law, F: Array, elements: Ints, S: Array, D: Array, psi: Array) 
     A4 = law.tangent(part)
     eye = np.eye(3)[:, :, None, None]
     material = np.einsum("mi...,ikjl...,nj...->mknl...", g, A4 - np.einsum("ij...,kl...->ikjl...", eye, full), g)
-    place = 0
+    entry = 0
     for a, (i, j) in enumerate(PAIRS):
         for k, m in PAIRS[a:]:
-            D[place, elements] += material[i, j, k, m]
-            place += 1
+            D[entry, elements] += material[i, j, k, m]
+            entry += 1
 
 
 def assemble_system(
@@ -277,5 +277,5 @@ def _shear_modulus(law: Law, elements: Ints, body: Space) -> float:
         F[i, i] = 1.0
     S, D, psi = np.zeros((6, *shape)), np.zeros((21, *shape)), np.zeros(shape)
     add_law(law, F, elements, S, D, psi)
-    shear = [PACKED_PLACE[a, a] for a in (3, 4, 5)]
+    shear = [PACKED_ENTRY[a, a] for a in (3, 4, 5)]
     return float(np.mean(D[shear][:, elements]))

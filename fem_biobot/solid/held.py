@@ -9,7 +9,7 @@ import numpy as np
 
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.records import Array, Fix, Symmetry, components
+from fem_biobot.solid.records import Array, Fix, Symmetry, components, numbers
 from fem_biobot.solid.space import Ints, Space
 
 
@@ -115,17 +115,14 @@ def _directions(mesh: BodyMesh, body: Space, support: Fix | Symmetry) -> tuple[I
     which = components(support.components)
     axes = np.eye(3) if support.axes is None else np.asarray(support.axes, dtype=float)
     if callable(support.value):
-        prescribed = np.asarray(support.value(body.points[:, nodes]), dtype=float)
+        prescribed = numbers(support.value(body.points[:, nodes]), "value, a function", "finite displacements")
         if prescribed.shape != (3, len(nodes)):
             raise ModelError(f"value: found shape {prescribed.shape}, expected (3, {len(nodes)})")
-        if not np.all(np.isfinite(prescribed)):
-            raise ModelError("value: found a function whose values are not all finite, expected finite displacements")
         return nodes, axes, which, (axes @ prescribed)[list(which)]
-    value = np.atleast_1d(np.asarray(support.value, dtype=float))
-    if value.shape not in ((1,), (len(which),)) or not np.all(np.isfinite(value)):
-        raise ModelError(
-            f"value: found {support.value!r}, expected one finite number or one for each of {len(which)} components"
-        )
+    expected = f"one finite number or one for each of {len(which)} components"
+    value = np.atleast_1d(numbers(support.value, "value", expected))
+    if value.shape not in ((1,), (len(which),)):
+        raise ModelError(f"value: found {support.value!r}, expected {expected}")
     return nodes, axes, which, np.broadcast_to(value[:, None], (len(which), len(nodes)))
 
 
@@ -138,7 +135,10 @@ def place_nodes(mesh: BodyMesh, body: Space, where: str | tuple[float, float, fl
             return np.array([mesh.landmarks[where]], dtype=np.int64)
         known = ", ".join([*mesh.surfaces, *mesh.landmarks]) or "none (the mesh names no surface and no point)"
         raise ModelError(f"support or load: found no surface or point named {where!r}, expected one of {known}")
-    position = np.asarray(where, dtype=float)
+    expected = "a surface's or point's name or a position of three finite numbers"
+    position = numbers(where, "support or load", expected)
+    if position.shape != (3,):
+        raise ModelError(f"support or load: found {where!r}, expected {expected}")
     distance = np.linalg.norm(mesh.points - position[:, None], axis=0)
     nearest = int(np.argmin(distance))
     if distance[nearest] > 1e-6 * np.ptp(mesh.points, axis=1).max():

@@ -11,7 +11,7 @@ from skfem.refdom import RefTet, RefTri
 
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.records import Array, BodyForce, Traction
+from fem_biobot.solid.records import Array, BodyForce, Traction, numbers
 from fem_biobot.solid.space import Element, Space
 
 # loads given as functions deserve a rule well above the degree of the basis
@@ -34,17 +34,15 @@ def dead_load(mesh: BodyMesh, body: Space, loads: Sequence[Traction | BodyForce]
 def _field(value: Callable[[Array], Array] | Sequence[float], X: Array, what: str) -> Array:
     """Vector at positions X, (3, ...)."""
     if callable(value):
-        found = np.asarray(value(X.reshape(3, -1)), dtype=float)
+        found = numbers(value(X.reshape(3, -1)), f"{what}, a function")
         if found.shape != (3, X[0].size):
             raise ModelError(f"{what}: found shape {found.shape} from its function, expected (3, {X[0].size})")
         found = found.reshape(X.shape)
     else:
-        found = np.asarray(value, dtype=float)
+        found = numbers(value, what, "a vector of three finite numbers")
         if found.shape != (3,):
             raise ModelError(f"{what}: found {value!r}, expected a vector of three numbers")
         found = np.broadcast_to(found.reshape((3,) + (1,) * (X.ndim - 1)), X.shape)
-    if not np.all(np.isfinite(found)):
-        raise ModelError(f"{what}: found values that are not finite, expected finite numbers")
     return found
 
 

@@ -327,7 +327,14 @@ def _equilibrium(system: System, state: SolidState) -> Equilibrium:
 
 def _advice(failure: PathFailedError) -> str:
     r, w = failure.reached, failure.wanted
+    (load, wanted_load), (tension, wanted_tension) = _apart(r.load, w.load), _apart(r.tension, w.tension)
     return (
-        f"no equilibrium between load x{r.load:.4g}, tension x{r.tension:.4g} (reached) and load x{w.load:.4g}, "
-        f"tension x{w.tension:.4g} (asked): {failure}; try a lower tension or load, a finer mesh, or a stiffer design"
+        f"no equilibrium between load x{load}, tension x{tension} (reached) and load x{wanted_load}, "
+        f"tension x{wanted_tension} (asked): {failure}; try a lower tension or load, a finer mesh, or a stiffer design"
     )
+
+
+def _apart(first: float, second: float) -> tuple[str, str]:
+    """Two numbers with as many digits, at least four, as tell them apart if they differ."""
+    texts = [(f"{first:.{digits}g}", f"{second:.{digits}g}") for digits in range(4, 18)]
+    return next(((a, b) for a, b in texts if a != b or first == second), texts[-1])

@@ -30,6 +30,19 @@ def components(given: str | tuple[int, ...] | list[int]) -> tuple[int, ...]:
     return found
 
 
+def numbers(given: object, what: str, expected: str = "finite numbers") -> Array:
+    """Finite numbers as an array of floats; anything else is refused, also text that reads like a number."""
+    try:
+        found = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        raise ModelError(f"{what}: found {given!r}, expected {expected}") from None
+    if found.dtype.kind not in "iuf" or not np.all(np.isfinite(found)):
+        # an array as text would take many lines
+        told = "values that are no finite numbers" if isinstance(given, np.ndarray) else repr(given)
+        raise ModelError(f"{what}: found {told}, expected {expected}")
+    return found.astype(float)
+
+
 @dataclass(frozen=True)
 class Fix:
     """Prescribed displacement components.
@@ -55,7 +68,7 @@ class Fix:
     def __post_init__(self) -> None:
         object.__setattr__(self, "components", components(self.components))
         if self.axes is not None:
-            Q = np.asarray(self.axes, dtype=float)
+            Q = numbers(self.axes, "axes")
             if Q.shape != (3, 3) or not np.allclose(Q @ Q.T, np.eye(3), rtol=0.0, atol=1e-10):
                 raise ModelError("axes: found rows that are not orthonormal, expected three orthonormal vectors")
 
@@ -100,12 +113,13 @@ class Step:
     tension: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.load) and np.isfinite(self.tension)):
-            raise ModelError(f"step: found load {self.load}, tension {self.tension}, expected finite factors")
+        for what, factor in (("load", self.load), ("tension", self.tension)):
+            if numbers(factor, f"step, {what}", "a finite factor").ndim:
+                raise ModelError(f"step, {what}: found several numbers, expected one factor")
         if self.tension < 0.0:
             raise ModelError(f"step: found tension factor {self.tension:g}, expected at least 0 (muscle pulls)")
 
 
 def as_step(given: float | Step) -> Step:
     """A plain number scales loads and tension alike."""
-    return given if isinstance(given, Step) else Step(float(given), float(given))
+    return given if isinstance(given, Step) else Step(given, given)

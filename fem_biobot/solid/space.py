@@ -5,13 +5,15 @@ Spaces, node numbers and quadrature come from scikit-fem; what is kept here is o
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 
 import numpy as np
 import skfem
 from numpy.typing import NDArray
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefTet
 
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
@@ -75,13 +77,6 @@ class Space:
         """Number of nodes; the unknowns are three times as many."""
         return self.points.shape[1]
 
-    @cached_property
-    def pairs(self) -> Array:
-        """Products of basis gradients on the unit cell, ``dN_a/dxi_d dN_b/dxi_f``, (9 q, p) for every ``a <= b``."""
-        a, b = np.triu_indices(len(self.slopes))
-        products = np.einsum("pdq,pfq->qdfp", self.slopes[a], self.slopes[b])
-        return np.ascontiguousarray(products.reshape(-1, len(a)))
-
     @property
     def quadrature_points(self) -> Array:
         """Reference positions of the quadrature points, (3, e, q) [mm]."""
@@ -105,13 +100,32 @@ class Space:
         keys = edges[0] * n + edges[1]
         order = np.argsort(keys)
         wanted = sides[:, 0] * n + sides[:, 1]
-        place = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
-        found = order[place]
+        found = order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]
         if not np.array_equal(keys[found], wanted):
             raise ModelError(
                 "surface: found a triangle whose side is no edge of the mesh, expected facets of the tetrahedra"
             )
         return np.concatenate([triangles, n + found])
+
+
+def quadrature(degree: int) -> tuple[Array, Array]:
+    """Points (3, q) and weights (q,) on the unit tetrahedron, exact at least up to `degree`, no weight negative.
+
+    A negative weight would break the positivity of the energy.
+    """
+    whole = isinstance(degree, int | np.integer) and not isinstance(degree, bool) and degree >= 1
+    # the tables end with one that raises
+    for candidate in itertools.count(int(degree)) if whole else ():
+        try:
+            points, weights = get_quadrature(RefTet, candidate)
+        except NotImplementedError:
+            break
+        if np.all(weights > 0.0):
+            return points, weights
+    raise ModelError(
+        f"quadrature degree: found {degree!r}, expected a whole number of at least 1 for which a rule with positive "
+        "weights is known"
+    )
 
 
 def space(mesh: BodyMesh, element: Element | str = Element.P2, degree: int | None = None) -> Space:
@@ -125,8 +139,8 @@ def space(mesh: BodyMesh, element: Element | str = Element.P2, degree: int | Non
         See `Element`.
     degree
         Degree up to which the quadrature is exact; by default twice that of the strain (2 for P2: 4 points; 1 for P1),
-        which integrates the small-strain stiffness exactly. The rules of degree 3 and 4 have a negative weight and are
-        replaced by that of degree 5.
+        which integrates the small-strain stiffness exactly. A rule with a negative weight is replaced by the next
+        that has none.
     """
     try:
         element = Element(element)
@@ -134,11 +148,10 @@ def space(mesh: BodyMesh, element: Element | str = Element.P2, degree: int | Non
         raise ModelError(f"element: found {element!r}, expected one of {', '.join(e.value for e in Element)}") from None
     default = 2 if element is Element.P2 else 1
     degree = default if degree is None else degree
-    # negative weights break the positivity of the energy
-    degree = 5 if degree in (3, 4) else degree
+    rule = quadrature(degree)
     tets = skfem.MeshTet(np.ascontiguousarray(mesh.points), np.ascontiguousarray(mesh.cells), sort_t=False)
     shape = _ELEMENTS[element]()
-    basis = skfem.CellBasis(tets, shape, intorder=degree)
+    basis = skfem.CellBasis(tets, shape, quadrature=rule)
     slopes = np.stack([shape.lbasis(basis.X, b)[1] for b in range(basis.Nbfun)])
     values = np.stack([shape.lbasis(basis.X, b)[0] for b in range(basis.Nbfun)])
     to_reference = basis.mapping.invDF(basis.X)[..., 0]  # affine: one per element

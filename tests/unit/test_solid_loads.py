@@ -126,6 +126,9 @@ def test_reactions_and_loads_balance_in_force_and_moment() -> None:
         (Traction("x1", (1.0, 0.0)), "three numbers"),
         (Traction("x1", lambda X: X[:2]), "shape"),
         (Traction("x1", (1.0, float("nan"), 0.0)), "finite"),
+        (Traction("x1", ("1", "0", "0")), "found .*'1'.*, expected a vector of three finite numbers"),
+        (BodyForce("0.1"), "found '0.1', expected a vector of three finite numbers"),
+        (BodyForce(lambda X: np.full(X.shape, "0.1")), "found values that are no finite numbers"),
         (BodyForce((1.0, 0.0, 0.0), "bone"), "region 'bone', expected one of muscle, skeleton"),
         (BodyForce(lambda X: X.T), "shape"),
         (BodyForce(lambda X: np.full(X.shape, np.inf)), "finite"),
@@ -135,7 +138,7 @@ def test_reactions_and_loads_balance_in_force_and_moment() -> None:
 def test_loads_that_fit_nothing_are_refused(load: object, word: str) -> None:
     """Unknown places, vectors and functions of the wrong shape, values that are no numbers are refused by name.
 
-    Catches: silent broadcasting; a load on nothing.
+    Catches: silent broadcasting; a load on nothing; text that reads like a number taken for one.
     """
     with pytest.raises(ModelError, match=word):
         _model(load)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,9 @@ from fem_biobot.errors import SolveError
 from fem_biobot.material import ActiveStress, NeoHooke
 from fem_biobot.solid.from_design import model_from_design, tension_step
 from fem_biobot.solid.measures import measures
-from fem_biobot.solid.model import SolidModel, SolidSolution, solve
+from fem_biobot.solid.model import SolidModel, SolidSolution, _advice, solve
 from fem_biobot.solid.newton import NewtonSettings
+from fem_biobot.solid.path import PathFailedError
 from fem_biobot.solid.records import Fix, Step, Traction
 from tests.helpers import TIGHT, box_mesh, committed_bot, hold_everywhere, on_three_corners, slope, unit
 
@@ -150,6 +153,22 @@ def test_a_solve_that_cannot_go_on_keeps_what_it_reached() -> None:
     assert best.last.residual <= 1e-9
     assert best.halvings >= 8
     assert caught.value.exit_code == 3
+
+
+@pytest.mark.parametrize(
+    ("reached", "wanted", "expected"),
+    [
+        (Step(0.5, 0.2), Step(1.0, 0.2), "load x0.5, tension x0.2 .reached. and load x1, tension x0.2 "),
+        (Step(1.0, 0.123412), Step(1.0, 0.123449), "tension x0.12341 .reached. and load x1, tension x0.12345 "),
+        (Step(1.0, 1.0 - 2e-16), Step(1.0, 1.0), "tension x0.9999999999999998 .reached. and load x1, tension x1 "),
+    ],
+)
+def test_the_ends_of_a_failed_step_can_be_told_apart(reached: Step, wanted: Step, expected: str) -> None:
+    """As many digits are printed as the two ends differ by.
+
+    Catches: "between load x1 and load x1" after many halvings.
+    """
+    assert re.search(expected, _advice(PathFailedError("no luck", reached, wanted)))
 
 
 def test_a_column_is_refused_beyond_its_buckling_load() -> None:

@@ -153,14 +153,19 @@ def test_steps_are_numbers_or_records() -> None:
     assert as_step(Step(1.0, 0.2)) == Step(1.0, 0.2)
 
 
-@pytest.mark.parametrize(("load", "tension"), [(float("nan"), 1.0), (1.0, float("inf")), (1.0, -0.1)])
-def test_steps_that_are_no_numbers_or_push_are_refused(load: float, tension: float) -> None:
-    """Factors must be finite and the tension at least zero.
+@pytest.mark.parametrize(
+    ("load", "tension"), [(float("nan"), 1.0), (1.0, float("inf")), (1.0, -0.1), ("1", 1.0), ([1.0], 1.0)]
+)
+def test_steps_that_are_no_numbers_or_push_are_refused(load: object, tension: float) -> None:
+    """Factors must be finite numbers and the tension at least zero, however the step is given.
 
-    Catches: a negative tension, for which no path exists.
+    Catches: a negative tension, for which no path exists; text that reads like a number taken for one.
     """
     with pytest.raises(ModelError, match="step"):
         Step(load, tension)
+    if tension == 1.0:
+        with pytest.raises(ModelError, match="step"):
+            as_step(load)
 
 
 @pytest.mark.parametrize(
@@ -204,7 +209,7 @@ def test_quadrature_has_positive_weights_that_sum_to_the_volume() -> None:
 
     Catches: the 5-point and 11-point rules with a negative weight; a volume counted per point.
     """
-    for degree in (None, 1, 2, 3, 4, 5, 6):
+    for degree in (None, 1, 2, 3, 4, 5, 6, 7):
         body = space(MESH, "P2", degree)
         assert body.dV.min() > 0.0, degree
         np.testing.assert_allclose(body.dV.sum(axis=1), MESH.volumes, rtol=1e-12)
@@ -240,3 +245,13 @@ def test_inputs_of_a_model_are_taken_over_as_they_are() -> None:
     first = solve(model, [0.4])
     with unchanged(MESH.points, MESH.cells, model.active["muscle"].a0, first.last.u, model.system.dead_load):
         solve(model, [0.8], start=first.states)
+
+
+@pytest.mark.parametrize("degree", [0, -1, 8, 9, 10, 2.0, "2", True])
+def test_degrees_without_positive_rule_are_refused(degree: object) -> None:
+    """No rule known has positive weights at degree 8 or above; other things are no degree.
+
+    Catches: the rules of degree 8 and 9 with their negative weights; an error of scikit-fem's; a text read as a number.
+    """
+    with pytest.raises(ModelError, match=r"quadrature degree: found .*positive weights"):
+        space(MESH, "P2", degree)

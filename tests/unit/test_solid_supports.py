@@ -54,14 +54,19 @@ def test_other_components_are_refused(given: object) -> None:
 
 
 @pytest.mark.parametrize(
-    "axes", [((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0)), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))]
+    "axes",
+    [
+        ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0)),
+        ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        (("1", "0", "0"), ("0", "1", "0"), ("0", "0", "1")),
+    ],
 )
 def test_axes_must_be_orthonormal(axes: tuple) -> None:
     """Skew rows, or two of them, are refused.
 
     Catches: axes used as they come.
     """
-    with pytest.raises(ModelError, match="orthonormal"):
+    with pytest.raises(ModelError, match=r"axes: found .*(orthonormal|numbers)"):
         Fix("x0", "x", axes=axes)
 
 
@@ -195,15 +200,34 @@ def test_a_mesh_without_names_says_so() -> None:
         (float("nan"), "finite"),
         (lambda X: X[:2], "shape"),
         (lambda X: np.full(X.shape, np.nan), "finite"),
+        ("0.1", "found '0.1', expected one finite number"),
+        ((0.1, "0.2", 0.3), "one finite number"),
+        (True, "one finite number"),
+        (None, "one finite number"),
+        (((0.1, 0.2), 0.3), "one finite number"),
+        (lambda X: np.full(X.shape, "0.1"), "found values that are no finite numbers, expected finite displacements"),
     ],
 )
 def test_values_that_fit_nothing_are_refused(value: object, word: str) -> None:
     """The wrong number of values, values that are no finite numbers, a function of the wrong shape are refused.
 
-    Catches: silent broadcasting, NaN carried into the solve.
+    Catches: silent broadcasting, NaN carried into the solve, text that reads like a number taken for one, a message of
+    many lines.
     """
-    with pytest.raises(ModelError, match=word):
+    with pytest.raises(ModelError, match=word) as caught:
         _model(Fix("x0"), Fix("x1", "xyz", value))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("where", [0.1, (0.0, 0.0), ("0", "0", "0"), (0.0, float("nan"), 0.0)])
+def test_positions_are_three_numbers(where: object) -> None:
+    """A support at what is neither a name nor a position is refused, also under `Symmetry`.
+
+    Catches: an error of NumPy's, a nearest vertex to NaN, text taken for numbers.
+    """
+    for support in (Fix(where), Symmetry(where)):
+        with pytest.raises(ModelError, match="three finite numbers"):
+            _model(Fix("x0"), support)
 
 
 @pytest.mark.parametrize(

@@ -89,8 +89,8 @@ def remodelled(model: SolidModel, design: Design, natural_stretch: float) -> Sol
 
     A stretch far from 1 must be approached gradually: `solve` scales loads and tension, never the natural stretch, and
     its undeformed start is no equilibrium of such a model. Solve the moulded model at the tension wanted, then lower
-    the natural stretch at that tension in steps, the first of some percent, each begun from the states before it (`trial` of
-    `solve`); the study's remodelled reference is found in this way.
+    the natural stretch at that tension in steps, the first of some percent, each begun from the states before it
+    (`trial` of `solve`); the study's remodelled reference is found in this way.
     """
     muscle = model.mesh.regions["muscle"]
     fibres = np.asarray(model.active["muscle"].a0)

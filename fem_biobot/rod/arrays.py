@@ -1,0 +1,107 @@
+"""What the compiled kernels read of an assembly: tuples of arrays, made once by `rod.build`.
+
+Letters of shapes: ``n`` nodes, ``m`` elements, ``k`` axial members, ``l`` loads, ``j`` joints, ``c`` contact
+points. A node is a rigid group at its centre of mass: a node of a rod, a body, or several of these joined rigidly. An
+offset leads from a node to a point fixed to it, in the node's own frame. Node -1 is the world; its offset is a
+position.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.rod.element.arrays import Elements
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Inertia(NamedTuple):
+    """Mass (n,) [kg] and inertia about the node in its own frame (n, 3, 3) [kg mm^2]; `held` (n,) 1 where fixed."""
+
+    mass: Array
+    J: Array
+    held: Ints
+
+
+class Members(NamedTuple):
+    """Axial members: muscles and springs.
+
+    Attributes
+    ----------
+    nodes, offset
+        Ends, (k, 2) and (k, 2, 3) [mm].
+    law
+        0 spring, 1 muscle with the resistance of Eq. 2, 2 muscle with that of a neo-Hookean strip, (k,).
+    stiffness
+        Spring stiffness [mN/mm], or Young's modulus times section [mN], (k,).
+    length
+        Rest length (k,) [mm].
+    viscosity
+        Force per rate of length [mN s/mm], (k,).
+    """
+
+    nodes: Ints
+    offset: Array
+    law: Ints
+    stiffness: Array
+    length: Array
+    viscosity: Array
+
+
+class Loads(NamedTuple):
+    """Forces (l, 3) [mN] and moments (l, 3) [uJ] at points of nodes; `following` (l,) is 1 where they turn along."""
+
+    node: Ints
+    offset: Array
+    force: Array
+    moment: Array
+    following: Ints
+
+
+class Constraints(NamedTuple):
+    """Joints and partial supports.
+
+    Attributes
+    ----------
+    nodes, offset
+        The two parts, the second may be the world, (j, 2) and (j, 2, 3).
+    rows
+        Which of six rows hold, (j, 6): three translations in world axes, three rotations about the axes `frame` of
+        the second part.
+    frame
+        Axes (rows) fixed to each part, (j, 2, 3, 3), equal in the drawing.
+    """
+
+    nodes: Ints
+    offset: Array
+    rows: Ints
+    frame: Array
+
+
+class Contacts(NamedTuple):
+    """Points that the ground stops: node (c,), offset (c, 3), radius (c,), axis in the node's frame (c, 3) or zero."""
+
+    node: Ints
+    offset: Array
+    radius: Array
+    axis: Array
+
+
+class Assembly(NamedTuple):
+    """Everything about a model that does not change while it moves.
+
+    `damping` (m,) is the Kelvin-Voigt time of an element [s]; `gravity` (3,) [mm/s^2].
+    """
+
+    elements: Elements
+    damping: Array
+    inertia: Inertia
+    members: Members
+    loads: Loads
+    constraints: Constraints
+    contacts: Contacts
+    gravity: Array

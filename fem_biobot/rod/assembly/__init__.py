@@ -1,0 +1,1 @@
+"""Forces and stiffness of a whole assembly."""

@@ -1,0 +1,174 @@
+"""Compiled forces, stiffness and energies of a whole assembly, for statics, modes and both time integrators."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fem_biobot.compile_cache import ensure_cache_folder
+
+ensure_cache_folder()
+
+from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
+
+from fem_biobot.rod.element.kernels import add_forces, element_tangent, strains  # noqa: E402
+from fem_biobot.rod.parts.kernels import (  # noqa: E402
+    add_gravity,
+    add_loads,
+    add_member_forces,
+    constraint,
+    load_tangent,
+    member_lengths,
+    member_tangent,
+    passive_tension,
+)
+
+
+@njit(cache=True, nogil=True)
+def measure(assembly, x, Q, strain, lengths):
+    """Write element strains (m, 6) and member lengths (k,); returns the largest turn within an element [rad]."""
+    member_lengths(assembly.members, x, Q, lengths)
+    return strains(assembly.elements, x, Q, strain)
+
+
+@njit(cache=True, nogil=True)
+def resultants(assembly, before, after, weight, rate, s):
+    """Write ``s = C (weight after + (1 - weight) before - natural + rate tau (after - before))``, (m, 6).
+
+    `before` and `after` are strains (m, 6), `tau` the Kelvin-Voigt times, `rate` one over the time between them.
+    """
+    E = assembly.elements
+    for e in range(E.nodes.shape[0]):
+        lag = rate * assembly.damping[e]
+        for i in range(6):
+            natural = E.eps0[e, i] if i < 3 else E.kappa0[e, i - 3]
+            mean = before[e, i] + weight * (after[e, i] - before[e, i])
+            s[e, i] = E.stiffness[e, i] * (mean - natural + lag * (after[e, i] - before[e, i]))
+
+
+@njit(cache=True, nogil=True)
+def tensions(members, before, after, weight, rate, pull, tension):
+    """Write the tensile force of each member: `weight` as in `resultants`, `pull` the active part, (k,) [mN]."""
+    for k in range(members.law.shape[0]):
+        new, _, _ = passive_tension(members.law[k], members.stiffness[k], members.length[k], after[k])
+        old = new
+        if weight < 1.0:
+            old, _, _ = passive_tension(members.law[k], members.stiffness[k], members.length[k], before[k])
+        viscous = members.viscosity[k] * rate * (after[k] - before[k])
+        tension[k] = pull[k] + old + weight * (new - old) + viscous
+
+
+@njit(cache=True, nogil=True)
+def add_all_forces(assembly, x, Q, s, tension, load_factor, gravity_factor, force):
+    """Add to `force` (n, 6) every force but those of joints and ground: what accelerates the nodes."""
+    for i in range(force.shape[0]):
+        for c in range(6):
+            force[i, c] = -force[i, c]
+    add_forces(assembly.elements, x, Q, s, force)
+    for i in range(force.shape[0]):
+        for c in range(6):
+            force[i, c] = -force[i, c]
+    add_member_forces(assembly.members, x, Q, tension, force)
+    add_loads(assembly.loads, load_factor, Q, force)
+    add_gravity(assembly.inertia, assembly.gravity, gravity_factor, force)
+
+
+@njit(cache=True, nogil=True)
+def _add_pair(K, slots, a, b, held, scale, blocks):
+    """Add a (12, 12) matrix to the four blocks of a pair of nodes; held nodes and the world take nothing."""
+    for p in range(4):
+        i = a if p < 2 else b
+        j = a if p % 2 == 0 else b
+        if slots[p] < 0 or held[i] == 1 or held[j] == 1:
+            continue
+        B = blocks[slots[p]]
+        first = 6 * (p // 2)
+        left = 6 * (p % 2)
+        for r in range(6):
+            for c in range(6):
+                B[r, c] += scale * K[first + r, left + c]
+
+
+@njit(cache=True, nogil=True)
+def add_stiffness(assembly, system, x, Q, s, gain, tension, lengths, weight, rate, load_factor, scale, blocks):
+    """Add `scale` times minus the derivative of `add_all_forces` by the nodes' increments to `blocks`.
+
+    `gain` (m,) multiplies the section stiffnesses; the slope of a member's tension is ``weight`` times its passive one
+    plus ``rate`` times its viscosity. Same as finite differences of the forces in tests/oracles.
+    """
+    K = np.empty((12, 12))
+    C = np.empty(6)
+    E = assembly.elements
+    M = assembly.members
+    held = assembly.inertia.held
+    for e in range(E.nodes.shape[0]):
+        for i in range(6):
+            C[i] = gain[e] * E.stiffness[e, i]
+        element_tangent(E, e, x, Q, s[e], C, K)
+        _add_pair(K, system.element[e], E.nodes[e, 0], E.nodes[e, 1], held, scale, blocks)
+    for k in range(M.law.shape[0]):
+        _, slope, _ = passive_tension(M.law[k], M.stiffness[k], M.length[k], lengths[k])
+        member_tangent(M, k, x, Q, tension, weight * slope + rate * M.viscosity[k], K)
+        _add_pair(K, system.member[k], M.nodes[k, 0], M.nodes[k, 1], held, scale, blocks)
+    L = assembly.loads
+    small = np.empty((6, 6))
+    for k in range(L.node.shape[0]):
+        i = L.node[k]
+        if held[i] == 0:
+            load_tangent(L, k, load_factor[k], Q, small)
+            B = blocks[system.plan.diagonal[i]]
+            for r in range(6):
+                for c in range(6):
+                    B[r, c] += scale * small[r, c]
+
+
+@njit(cache=True, nogil=True)
+def add_joints(assembly, system, x, Q, v, value, rate, multiplier, force, blocks, with_blocks):
+    """Write the residuals of the joints and their rates for `v` (n, 6), (j, 6), add their forces, fill their blocks.
+
+    `multiplier` (j, 6) is what the joint exerts on its first part along each row, and the opposite on its second. Rows
+    that do not hold get a unit on the diagonal.
+    """
+    rows = np.empty((6, 12))
+    C = assembly.constraints
+    held = assembly.inertia.held
+    for j in range(C.rows.shape[0]):
+        constraint(C, j, x, Q, value[j], rows)
+        rate[j] = 0.0
+        for end in range(2):
+            i = C.nodes[j, end]
+            if i < 0 or held[i] == 1:
+                continue
+            for r in range(6):
+                for c in range(6):
+                    force[i, c] += multiplier[j, r] * rows[r, 6 * end + c]
+                    rate[j, r] += rows[r, 6 * end + c] * v[i, c]
+            if with_blocks:
+                over = blocks[system.joint[j, 2 * end]]
+                under = blocks[system.joint[j, 2 * end + 1]]
+                for r in range(6):
+                    for c in range(6):
+                        under[r, c] = rows[r, 6 * end + c]
+                        over[c, r] = -rows[r, 6 * end + c]
+        if with_blocks:
+            for r in range(6):
+                blocks[system.joint[j, 4], r, r] = 0.0 if C.rows[j, r] == 1 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def energies(assembly, x, strain, lengths):
+    """Elastic energy of rods and members, and potential energy of weight [uJ]."""
+    elastic = 0.0
+    E = assembly.elements
+    for e in range(E.nodes.shape[0]):
+        for i in range(6):
+            d = strain[e, i] - (E.eps0[e, i] if i < 3 else E.kappa0[e, i - 3])
+            elastic += 0.5 * E.length[e] * E.stiffness[e, i] * d * d
+    M = assembly.members
+    for k in range(M.law.shape[0]):
+        _, _, energy = passive_tension(M.law[k], M.stiffness[k], M.length[k], lengths[k])
+        elastic += energy
+    weight = 0.0
+    for i in range(x.shape[0]):
+        for c in range(3):
+            weight -= assembly.inertia.mass[i] * assembly.gravity[c] * x[i, c]
+    return elastic, weight

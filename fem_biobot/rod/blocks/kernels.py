@@ -1,0 +1,112 @@
+"""Compiled block LU: factorisation in place and solution, both along a plan made by `rod.blocks.plan`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fem_biobot.compile_cache import ensure_cache_folder
+
+ensure_cache_folder()
+
+from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
+
+
+@njit(cache=True, nogil=True)
+def invert(A):
+    """Replace a 6 by 6 matrix by its inverse (Gauss-Jordan, rows pivoted); False if it is singular."""
+    pivots = np.empty(6, dtype=np.int64)
+    for k in range(6):
+        row = k
+        for i in range(k + 1, 6):
+            if abs(A[i, k]) > abs(A[row, k]):
+                row = i
+        pivots[k] = row
+        if not abs(A[row, k]) > 0.0:
+            return False
+        if row != k:
+            for j in range(6):
+                A[k, j], A[row, j] = A[row, j], A[k, j]
+        scale = 1.0 / A[k, k]
+        A[k, k] = 1.0
+        for j in range(6):
+            A[k, j] *= scale
+        for i in range(6):
+            if i != k:
+                factor = A[i, k]
+                A[i, k] = 0.0
+                for j in range(6):
+                    A[i, j] -= factor * A[k, j]
+    for k in range(5, -1, -1):
+        row = pivots[k]
+        if row != k:
+            for i in range(6):
+                A[i, k], A[i, row] = A[i, row], A[i, k]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def factor(plan, blocks):
+    """Factorise `blocks` (t, 6, 6) in place: inverted diagonal blocks, ``L`` below, ``U`` above; False if singular."""
+    product = np.empty((6, 6))
+    for s in range(plan.order.shape[0]):
+        D = blocks[plan.diagonal[plan.order[s]]]
+        if not invert(D):
+            return False
+        first = plan.start[s]
+        count = plan.start[s + 1] - first
+        for a in range(count):
+            L = blocks[plan.lower[first + a]]
+            for i in range(6):
+                for j in range(6):
+                    product[i, j] = 0.0
+                for k in range(6):
+                    value = L[i, k]
+                    for j in range(6):
+                        product[i, j] += value * D[k, j]
+            L[:, :] = product
+        for a in range(count):
+            L = blocks[plan.lower[first + a]]
+            for b in range(count):
+                U = blocks[plan.upper[first + b]]
+                B = blocks[plan.update[plan.update_start[s] + a * count + b]]
+                for i in range(6):
+                    for k in range(6):
+                        value = L[i, k]
+                        for j in range(6):
+                            B[i, j] -= value * U[k, j]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def solve(plan, blocks, b):
+    """Replace `b` (n, 6) by the solution of the factorised system."""
+    y = np.empty(6)
+    n = plan.order.shape[0]
+    for s in range(n):
+        k = plan.order[s]
+        for t in range(plan.start[s], plan.start[s + 1]):
+            L = blocks[plan.lower[t]]
+            i = plan.neighbour[t]
+            for r in range(6):
+                total = 0.0
+                for c in range(6):
+                    total += L[r, c] * b[k, c]
+                b[i, r] -= total
+    for s in range(n - 1, -1, -1):
+        k = plan.order[s]
+        for t in range(plan.start[s], plan.start[s + 1]):
+            U = blocks[plan.upper[t]]
+            i = plan.neighbour[t]
+            for r in range(6):
+                total = 0.0
+                for c in range(6):
+                    total += U[r, c] * b[i, c]
+                b[k, r] -= total
+        D = blocks[plan.diagonal[k]]
+        for r in range(6):
+            total = 0.0
+            for c in range(6):
+                total += D[r, c] * b[k, c]
+            y[r] = total
+        for r in range(6):
+            b[k, r] = y[r]

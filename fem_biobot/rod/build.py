@@ -1,0 +1,409 @@
+"""From records to arrays: which places share a node, where each node's centre of mass is, what couples to what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.errors import ModelError
+from fem_biobot.rod.arrays import Assembly, Constraints, Contacts, Inertia, Loads, Members
+from fem_biobot.rod.element import kernels as element
+from fem_biobot.rod.element.arrays import Elements
+from fem_biobot.rod.frames import node_frames
+from fem_biobot.rod.records import (
+    Body,
+    ContactPoints,
+    DistributedLoad,
+    Gravity,
+    Hinge,
+    Hold,
+    Muscle,
+    Place,
+    PointLoad,
+    Resistance,
+    Rigid,
+    Rod,
+    Spherical,
+    Spring,
+    vector,
+)
+from fem_biobot.rod.section import stiffness
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Joint = Rigid | Spherical | Hinge
+Member = Muscle | Spring
+Load = PointLoad | DistributedLoad | Gravity
+
+# parts drawn further apart than this share of the model's size do not meet in a joint
+_MEETS = 1e-6
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Where the named parts went: for every rod its nodes and frames, for every body its node."""
+
+    rods: Mapping[str, Rod]
+    bodies: Mapping[str, Body]
+    node_of: Mapping[tuple[str, int], int]
+    drawn: Mapping[str, Array]
+    frames: Mapping[str, Array]
+    centre: Array
+
+    def parse(self, place: Place) -> tuple[tuple[str, int], Array]:
+        """The part's key, and the position of the place as drawn."""
+        try:
+            name, where = place
+        except (TypeError, ValueError):
+            raise ModelError(f"place: found {place!r}, expected a pair such as ('beam', -1)") from None
+        if name in self.rods:
+            points = self.drawn[name]
+            if not isinstance(where, int | np.integer) or not -len(points) <= where < len(points):
+                raise ModelError(
+                    f"place ('{name}', {where!r}): expected the number of one of its {len(points)} nodes, such as 0"
+                )
+            number = int(where) % len(points)
+            return (name, number), points[number]
+        if name in self.bodies:
+            return (name, 0), vector(f"place on body {name}", where)
+        known = ", ".join([*self.rods, *self.bodies])
+        raise ModelError(f"place {place!r}: no rod or body of the name {name!r}, expected one of: {known}")
+
+    def locate(self, place: Place) -> tuple[int, Array]:
+        """Node of a place and the offset from it, in the drawing's axes [mm]."""
+        key, position = self.parse(place)
+        node = self.node_of[key]
+        return node, position - self.centre[node]
+
+
+@dataclass(frozen=True)
+class Built:
+    """An assembly with what is known of its parts."""
+
+    assembly: Assembly
+    atlas: Atlas
+    x: Array
+    members: tuple[Member, ...]
+    histories: tuple[Callable[[float], float] | None, ...]
+    volume: Array
+
+
+def build(
+    rods: Sequence[Rod],
+    joints: Sequence[Joint],
+    bodies: Sequence[Body],
+    supports: Sequence[Hold],
+    loads: Sequence[Load],
+    members: Sequence[Member],
+    contacts: Sequence[ContactPoints],
+    damping_time: float,
+) -> Built:
+    """Put an assembly together; refuses what does not fit with one line that names it."""
+    atlas, mass, J, volume, moment = _nodes(rods, joints, bodies, members)
+    n = len(mass)
+    held = np.zeros(n, dtype=np.int64)
+    constraints: list[tuple[int, int, Array, Array, Sequence[int], Array]] = []
+    for hold in supports:
+        node, offset = atlas.locate(hold.place)
+        if set(hold.translation) == set(hold.rotation) == set("xyz"):
+            held[node] = 1
+            continue
+        rows = [int(c in hold.translation) for c in "xyz"] + [int(c in hold.rotation) for c in "xyz"]
+        constraints.append((node, -1, offset, atlas.centre[node] + offset, rows, np.eye(3)))
+    for joint in joints:
+        if isinstance(joint, Rigid):
+            continue
+        (a, ra), (b, rb) = atlas.locate(joint.a), atlas.locate(joint.b)
+        apart = np.linalg.norm(atlas.centre[a] + ra - atlas.centre[b] - rb)
+        if apart > _MEETS * _extent(atlas):
+            raise ModelError(f"joint of {joint.a} and {joint.b}: drawn {apart:.3g} mm apart, expected at one point")
+        if a == b:
+            raise ModelError(f"joint of {joint.a} and {joint.b}: they are one rigid part already")
+        rows, frame = [1, 1, 1, 0, 0, 0], np.eye(3)
+        if isinstance(joint, Hinge):
+            rows, frame = [1, 1, 1, 1, 1, 0], _frame_about(np.array(joint.axis, dtype=float))
+        constraints.append((a, b, ra, rb, rows, frame))
+    elements, damping = _elements(rods, atlas, damping_time)
+    point_loads, histories, gravity = _loads(loads, atlas, elements, volume, moment)
+    inertia = Inertia(mass, J, held)
+    assembly = Assembly(
+        elements,
+        damping,
+        inertia,
+        _members(members, atlas),
+        point_loads,
+        _constraints(constraints),
+        _contacts(contacts, atlas),
+        gravity,
+    )
+    _refuse_loose_parts(assembly, atlas)
+    return Built(assembly, atlas, atlas.centre.copy(), tuple(members), tuple(histories), volume)
+
+
+def _nodes(
+    rods: Sequence[Rod], joints: Sequence[Joint], bodies: Sequence[Body], members: Sequence[Member]
+) -> tuple[Atlas, Array, Array, Array, Array]:
+    """Rigid groups with mass (n,), inertia (n, 3, 3), volume (n,) and first moment of volume (n, 3)."""
+    names = [r.name for r in rods] + [b.name for b in bodies] + [m.name for m in members if isinstance(m, Muscle)]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ModelError(f"name {twice[0]!r}: given to {names.count(twice[0])} parts, expected a name for each")
+    if not rods and not bodies:
+        raise ModelError("model: found neither rods nor bodies, expected at least one")
+    keys = [(r.name, i) for r in rods for i in range(len(r.points))] + [(b.name, 0) for b in bodies]
+    number = {key: i for i, key in enumerate(keys)}
+    drawn = {r.name: r.points for r in rods}
+    frames = {
+        r.name: node_frames(r.points, None if r.normal is None else np.array(r.normal, dtype=float), r.name)
+        for r in rods
+    }
+    rod_of, body_of = {r.name: r for r in rods}, {b.name: b for b in bodies}
+    rough = Atlas(rod_of, body_of, number, drawn, frames, np.zeros((len(keys), 3)))
+    root = list(range(len(keys)))
+
+    def find(i: int) -> int:
+        while root[i] != i:
+            i = root[i]
+        return i
+
+    for joint in joints:
+        if isinstance(joint, Rigid):
+            a, b = find(number[rough.parse(joint.a)[0]]), find(number[rough.parse(joint.b)[0]])
+            root[max(a, b)] = min(a, b)
+    roots = sorted({find(i) for i in range(len(keys))})
+    group = {key: roots.index(find(i)) for key, i in number.items()}
+    # lumps of each group: mass, position, inertia about it, volume
+    lumps: list[list[tuple[float, Array, Array, float]]] = [[] for _ in roots]
+    for rod in rods:
+        spans = np.linalg.norm(np.diff(rod.points, axis=0), axis=1)
+        for e, (span, section) in enumerate(zip(spans, rod.section, strict=True)):
+            density = rod.material.density * rod.mass
+            for end in (e, e + 1):
+                R = frames[rod.name][end].T
+                about = density * span / 2 * np.diag([section.I1, section.I2, section.I1 + section.I2])
+                lump = (density * section.area * span / 2, rod.points[end], R @ about @ R.T, section.area * span / 2)
+                lumps[group[rod.name, end]].append(lump)
+    for body in bodies:
+        lumps[group[body.name, 0]].append((body.mass, np.array(body.centre, dtype=float), body.inertia, 0.0))
+    for member in members:
+        if isinstance(member, Muscle) and member.mass > 0.0:
+            for place in (member.a, member.b):
+                key, position = rough.parse(place)
+                lumps[group[key]].append((member.mass / 2, position, np.zeros((3, 3)), 0.0))
+    n = len(roots)
+    mass, J, centre, volume, moment = np.zeros(n), np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3))
+    for g, group_lumps in enumerate(lumps):
+        mass[g] = sum(m for m, *_ in group_lumps)
+        weights = [m if mass[g] > 0.0 else 1.0 for m, *_ in group_lumps]
+        centre[g] = sum(w * p for w, (_, p, _, _) in zip(weights, group_lumps, strict=True)) / sum(weights)
+        for m, p, about, v in group_lumps:
+            d = p - centre[g]
+            J[g] += about + m * (d @ d * np.eye(3) - np.outer(d, d))
+            volume[g] += v
+            moment[g] += v * d
+    return Atlas(rod_of, body_of, group, drawn, frames, centre), mass, J, volume, moment
+
+
+def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[Elements, Array]:
+    """Elements of all rods with their natural strains, and their Kelvin-Voigt times (m,)."""
+    nodes, offset, turn, C, tau, natural = [], [], [], [], [], []
+    for rod in rods:
+        frames = atlas.frames[rod.name]
+        for e, section in enumerate(rod.section):
+            ends = [atlas.node_of[rod.name, i] for i in (e, e + 1)]
+            nodes.append(ends)
+            offset.append([rod.points[i] - atlas.centre[g] for i, g in zip((e, e + 1), ends, strict=True)])
+            turn.append(frames[e : e + 2])
+            C.append(stiffness(section, rod.material))
+            tau.append(damping_time if rod.damping_time is None else rod.damping_time)
+        given = rod.natural_curvature
+        if given is None:
+            natural += [None] * len(rod.section)
+        else:
+            try:
+                natural += list(np.broadcast_to(np.array(given, dtype=float), (len(rod.section), 3)))
+            except ValueError:
+                raise ModelError(
+                    f"rod {rod.name}: natural_curvature: found shape {np.shape(given)}, expected (3,) or (m, 3)"
+                ) from None
+    m = len(nodes)
+    made = Elements(
+        np.array(nodes, dtype=np.int64).reshape(m, 2),
+        np.array(offset, dtype=float).reshape(m, 2, 3),
+        np.ascontiguousarray(np.array(turn, dtype=float).reshape(m, 2, 3, 3)),
+        np.ones(m),
+        np.zeros((m, 3)),
+        np.zeros((m, 3)),
+        np.array(C, dtype=float).reshape(m, 6),
+    )
+    strain = np.zeros((m, 6))
+    n = len(atlas.centre)
+    if m:
+        element.strains(made, atlas.centre, np.tile(np.eye(3), (n, 1, 1)), strain)
+    # with length 1 the strains are the rotation vector and the arc vector less e3
+    arc = strain[:, :3] + np.array([0.0, 0.0, 1.0])
+    length = np.linalg.norm(arc, axis=1)
+    eps0 = arc / length[:, None] - np.array([0.0, 0.0, 1.0])
+    kappa0 = strain[:, 3:] / length[:, None]
+    for e, curvature in enumerate(natural):
+        if curvature is not None:
+            eps0[e], kappa0[e] = 0.0, curvature
+    return made._replace(length=length, eps0=eps0, kappa0=kappa0), np.array(tau, dtype=float)
+
+
+def _members(members: Sequence[Member], atlas: Atlas) -> Members:
+    rows: list[tuple[list[int], list[Array], int, float, float, float]] = []
+    for member in members:
+        name = f"muscle {member.name}" if isinstance(member, Muscle) else f"spring of {member.a}"
+        (a, ra) = atlas.locate(member.a)
+        if isinstance(member, Spring) and not isinstance(member.b[0], str):
+            b, rb = -1, vector("spring: fixed point", member.b)
+        else:
+            b, rb = atlas.locate(member.b)  # type: ignore[arg-type]
+        end = rb if b < 0 else atlas.centre[b] + rb
+        drawn = float(np.linalg.norm(end - atlas.centre[a] - ra))
+        if drawn <= 1e-12 * _extent(atlas):
+            raise ModelError(f"{name}: its ends are drawn at one point, expected a distance")
+        rest = drawn if member.rest_length is None else float(member.rest_length)
+        if isinstance(member, Spring):
+            rows.append(([a, b], [ra, rb], 0, member.stiffness, rest, member.damping))
+        else:
+            law = 1 if member.resistance is Resistance.eq2 else 2
+            viscosity = member.viscosity * member.area / rest
+            rows.append(([a, b], [ra, rb], law, member.young * member.area, rest, viscosity))
+    k = len(rows)
+    return Members(
+        np.array([r[0] for r in rows], dtype=np.int64).reshape(k, 2),
+        np.array([r[1] for r in rows], dtype=float).reshape(k, 2, 3),
+        np.array([r[2] for r in rows], dtype=np.int64),
+        *(np.array([r[i] for r in rows], dtype=float) for i in (3, 4, 5)),
+    )
+
+
+def _loads(
+    loads: Sequence[Load], atlas: Atlas, elements: Elements, volume: Array, moment: Array
+) -> tuple[Loads, list[Any], Array]:
+    """Point loads, the history of each, and the acceleration of gravity."""
+    rows: list[tuple[int, Array, Array, Array, int]] = []
+    histories: list[Any] = []
+    gravity = np.zeros(3)
+    for load in loads:
+        if isinstance(load, Gravity):
+            g = np.array(load.acceleration, dtype=float)
+            gravity = gravity + g
+            for node in np.flatnonzero(volume) if load.medium_density > 0.0 else ():
+                lift = -load.medium_density * volume[node] * g
+                rows.append((int(node), moment[node] / volume[node], lift, np.zeros(3), 0))
+                histories.append(None)
+            continue
+        force, couple = np.array(load.force, dtype=float), np.array(load.moment, dtype=float)
+        if isinstance(load, PointLoad):
+            node, offset = atlas.locate(load.place)
+            rows.append((node, offset, force, couple, int(load.following)))
+            histories.append(load.history)
+            continue
+        if load.rod not in atlas.rods:
+            raise ModelError(
+                f"distributed load: no rod of the name {load.rod!r}, expected one of: {', '.join(atlas.rods)}"
+            )
+        points = atlas.drawn[load.rod]
+        # half of each element's load on each of its ends, where the element's lumped mass is, too
+        first = list(atlas.rods).index(load.rod)
+        begin = sum(len(r.section) for r in list(atlas.rods.values())[:first])  # type: ignore[arg-type]
+        length = elements.length[begin : begin + len(points) - 1]
+        share = 0.5 * (np.append(length, 0.0) + np.append(0.0, length))
+        for i, part in enumerate(share):
+            node, offset = atlas.locate((load.rod, i))
+            rows.append((node, offset, part * force, part * couple, int(load.following)))
+            histories.append(load.history)
+    count = len(rows)
+    made = Loads(
+        np.array([r[0] for r in rows], dtype=np.int64),
+        *(np.array([r[i] for r in rows], dtype=float).reshape(count, 3) for i in (1, 2, 3)),
+        np.array([r[4] for r in rows], dtype=np.int64),
+    )
+    return made, histories, gravity
+
+
+def _constraints(rows: list[tuple[int, int, Array, Array, Sequence[int], Array]]) -> Constraints:
+    j = len(rows)
+    return Constraints(
+        np.array([r[:2] for r in rows], dtype=np.int64).reshape(j, 2),
+        np.array([r[2:4] for r in rows], dtype=float).reshape(j, 2, 3),
+        np.array([r[4] for r in rows], dtype=np.int64).reshape(j, 6),
+        np.array([(r[5], r[5]) for r in rows], dtype=float).reshape(j, 2, 3, 3),
+    )
+
+
+def _contacts(contacts: Sequence[ContactPoints], atlas: Atlas) -> Contacts:
+    nodes, offsets, radii, axes = [], [], [], []
+    for group in contacts:
+        if isinstance(group.part, str):
+            if group.part not in atlas.bodies:
+                raise ModelError(
+                    f"contact points: no body of the name {group.part!r}, expected one of: {', '.join(atlas.bodies)}"
+                )
+            node = atlas.node_of[group.part, 0]
+        else:
+            node, _ = atlas.locate(group.part)
+        axis = np.zeros(3)
+        if group.axis is not None:
+            axis = vector("contact points: axis", group.axis)
+            axis = axis / np.linalg.norm(axis)
+        for position in group.points:
+            nodes.append(node)
+            offsets.append(position - atlas.centre[node])
+            radii.append(group.radius)
+            axes.append(axis)
+    c = len(nodes)
+    return Contacts(
+        np.array(nodes, dtype=np.int64),
+        np.array(offsets, dtype=float).reshape(c, 3),
+        np.array(radii, dtype=float),
+        np.array(axes, dtype=float).reshape(c, 3),
+    )
+
+
+def _refuse_loose_parts(assembly: Assembly, atlas: Atlas) -> None:
+    """Every part must hang together with the others by rods, joints or members."""
+    n = len(atlas.centre)
+    root = list(range(n))
+
+    def find(i: int) -> int:
+        while root[i] != i:
+            i = root[i]
+        return i
+
+    world = n
+    root.append(world)
+    pairs = np.concatenate([assembly.elements.nodes, assembly.members.nodes, assembly.constraints.nodes])
+    for a, b in pairs:
+        i, j = find(int(a)), find(int(b) if b >= 0 else world)
+        root[max(i, j)] = min(i, j)
+    for node in np.flatnonzero(assembly.inertia.held):
+        root[find(int(node))] = find(world)
+    parts = {find(i) for i in range(n)}
+    if len(parts) > 1:
+        groups = [[key[0] for key, node in atlas.node_of.items() if find(node) == part] for part in sorted(parts)]
+        raise ModelError(
+            f"model: {groups[0][0]!r} and {groups[1][0]!r} are not connected, expected a joint, a member or a support "
+            "for every part"
+        )
+
+
+def _extent(atlas: Atlas) -> float:
+    """Size of the model as drawn [mm]."""
+    points = np.concatenate([atlas.centre, *atlas.drawn.values()])
+    return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-9)
+
+
+def _frame_about(axis: Array) -> Array:
+    """Axes, rows, whose third is `axis`."""
+    e3 = axis / np.linalg.norm(axis)
+    e1 = np.cross(e3, np.eye(3)[int(np.abs(e3).argmin())])
+    e1 /= np.linalg.norm(e1)
+    return np.array([e1, np.cross(e3, e1), e3])

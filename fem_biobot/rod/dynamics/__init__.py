@@ -1,0 +1,1 @@
+"""Time integration of an assembly on a frictional ground."""

@@ -1,0 +1,253 @@
+"""An assembly of rods, bodies, joints, muscles and loads as one model, and the states that analyses of it return.
+
+One model serves statics, modes and both time integrators. It is not changed by them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.errors import ModelError
+from fem_biobot.rod.arrays import Assembly
+from fem_biobot.rod.assembly import kernels
+from fem_biobot.rod.build import Atlas, Built, Joint, Load, Member, build
+from fem_biobot.rod.records import Body, ContactPoints, Hold, Muscle, Place, Rod
+from fem_biobot.rod.system import System, system
+
+Array = NDArray[np.float64]
+
+
+class RodModel:
+    """Geometrically exact rods and rigid bodies, joined, held, pulled and loaded.
+
+    Parameters
+    ----------
+    rods
+        `Rod` records.
+    joints
+        `Rigid`, `Spherical` or `Hinge`. Rigidly joined parts share their unknowns at whatever distance; the others are
+        constraints with multipliers. No joint is a spring.
+    bodies
+        `Body` records.
+    supports
+        `Hold` records. None is needed for dynamics.
+    loads
+        `PointLoad`, `DistributedLoad`, `Gravity`.
+    members
+        `Muscle` and `Spring` records.
+    contacts
+        `ContactPoints`: where the ground can touch.
+    damping_time
+        Kelvin-Voigt time of rods that name none [s]: resultants gain this times their rate.
+
+    Raises
+    ------
+    ModelError
+        Parts that do not exist, do not meet or do not hang together; names given twice.
+
+    Notes
+    -----
+    Rods: two-node elements after Simo (1985) and Reissner (1972) with strains constant along the element and helicoidal
+    interpolation (Borri and Bottasso 1994); second order in element length. Nodes carry half the mass and rotary
+    inertia of their elements. Sections stay plane and keep their shape; material is linear in the strains.
+    """
+
+    def __init__(
+        self,
+        rods: Sequence[Rod] = (),
+        joints: Sequence[Joint] = (),
+        bodies: Sequence[Body] = (),
+        supports: Sequence[Hold] = (),
+        loads: Sequence[Load] = (),
+        members: Sequence[Member] = (),
+        contacts: Sequence[ContactPoints] = (),
+        damping_time: float = 0.0,
+    ) -> None:
+        if not (np.isfinite(damping_time) and damping_time >= 0.0):
+            raise ModelError(f"damping_time: found {damping_time!r}, expected a finite time of at least 0 s")
+        self.rods, self.joints, self.bodies = tuple(rods), tuple(joints), tuple(bodies)
+        self.supports, self.loads, self.members = tuple(supports), tuple(loads), tuple(members)
+        self.contacts, self.damping_time = tuple(contacts), float(damping_time)
+        self.built: Built = build(
+            self.rods, self.joints, self.bodies, self.supports, self.loads, self.members, self.contacts, damping_time
+        )
+
+    @property
+    def assembly(self) -> Assembly:
+        """Arrays of the kernels."""
+        return self.built.assembly
+
+    @property
+    def atlas(self) -> Atlas:
+        """Where the parts went."""
+        return self.built.atlas
+
+    @cached_property
+    def system(self) -> System:
+        """Plan of the block system."""
+        return system(self.assembly)
+
+    @property
+    def n_nodes(self) -> int:
+        """Rigid groups; six unknowns each."""
+        return len(self.built.x)
+
+    @cached_property
+    def muscles(self) -> Mapping[str, int]:
+        """Names of the muscles and their number among the members."""
+        return {m.name: k for k, m in enumerate(self.members) if isinstance(m, Muscle)}
+
+    @property
+    def mass(self) -> float:
+        """Of everything [kg]."""
+        return float(self.assembly.inertia.mass.sum())
+
+    def elements_of(self, rod: str) -> slice:
+        """Elements of a rod among all."""
+        begin = 0
+        for each in self.rods:
+            if each.name == rod:
+                return slice(begin, begin + len(each.points) - 1)
+            begin += len(each.points) - 1
+        raise ModelError(f"no rod of the name {rod!r}, expected one of: {', '.join(r.name for r in self.rods)}")
+
+    def pull(self, drive: float) -> Array:
+        """Active tensile force of every member at a drive between 0 and 1, (k,) [mN]; 0 for springs."""
+        force = np.zeros(len(self.members))
+        for k, m in enumerate(self.members):
+            if isinstance(m, Muscle):
+                force[k] = m.area * m.gamma * np.sin(m.theta) * (m.passive + drive * m.active)
+        return force
+
+    def load_factors(self, time: float) -> Array:
+        """Factor of each point load at a time, (l,) [1]."""
+        return np.array([1.0 if h is None else float(h(time)) for h in self.built.histories])
+
+    def drawn(self) -> RodState:
+        """The assembly as drawn, at rest."""
+        n = self.n_nodes
+        return RodState(self, self.built.x.copy(), np.tile(np.eye(3), (n, 1, 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class RodState:
+    """Where an assembly is.
+
+    Attributes
+    ----------
+    model
+        Whose state it is.
+    x, Q
+        Node positions (n, 3) [mm] and directors (rows, n, 3, 3); a node is a rigid group at its centre of mass.
+    v
+        Velocity and angular velocity of the nodes, (n, 6) [mm/s, rad/s].
+    drive
+        Of the muscles [1].
+    time
+        [s]
+    multiplier
+        Force and couple that each joint or partial support exerts on its first part, (j, 6) [mN, uJ].
+    """
+
+    model: RodModel
+    x: Array
+    Q: Array
+    v: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    drive: float = 0.0
+    time: float = 0.0
+    multiplier: Array = field(default_factory=lambda: np.zeros((0, 6)))
+
+    def __post_init__(self) -> None:
+        if len(self.v) == 0:
+            object.__setattr__(self, "v", np.zeros((len(self.x), 6)))
+
+    def at(self, place: Place) -> Array:
+        """Position of a place, (3,) [mm]."""
+        node, offset = self.model.atlas.locate(place)
+        return np.asarray(self.x[node] + self.Q[node].T @ offset, dtype=float)
+
+    def displacement(self, place: Place) -> Array:
+        """Displacement of a place from where it was drawn, (3,) [mm]."""
+        return self.at(place) - self.model.atlas.parse(place)[1]
+
+    def velocity(self, place: Place) -> Array:
+        """Velocity of a place, (3,) [mm/s]."""
+        node, offset = self.model.atlas.locate(place)
+        spin = np.cross(self.v[node, 3:], self.Q[node].T @ offset)
+        return np.asarray(self.v[node, :3] + spin, dtype=float)
+
+    def points(self, rod: str) -> Array:
+        """Positions of a rod's nodes, (n, 3) [mm]."""
+        self.model.elements_of(rod)
+        return np.array([self.at((rod, i)) for i in range(len(self.model.atlas.drawn[rod]))])
+
+    def directors(self, rod: str) -> Array:
+        """Directors at a rod's nodes, rows, (n, 3, 3) [1]; the third is along the rod."""
+        self.model.elements_of(rod)
+        atlas = self.model.atlas
+        return np.array([frame @ self.Q[atlas.node_of[rod, i]] for i, frame in enumerate(atlas.frames[rod])])
+
+    @cached_property
+    def _measured(self) -> tuple[Array, Array]:
+        assembly = self.model.assembly
+        strain, lengths = np.zeros((len(assembly.damping), 6)), np.zeros(len(assembly.members.law))
+        kernels.measure(assembly, self.x, self.Q, strain, lengths)
+        return strain, lengths
+
+    def strain(self, rod: str) -> tuple[Array, Array]:
+        """Shear-stretch `eps` (m, 3) [1] and curvature-twist `kappa` (m, 3) [1/mm] of a rod less the natural ones."""
+        part = self.model.elements_of(rod)
+        elements = self.model.assembly.elements
+        found = self._measured[0][part]
+        return found[:, :3] - elements.eps0[part], found[:, 3:] - elements.kappa0[part]
+
+    def resultants(self, rod: str) -> tuple[Array, Array]:
+        """Elastic force `n_force` (m, 3) [mN] and couple `m_couple` (m, 3) [uJ] in a rod, in its material frame."""
+        eps, kappa = self.strain(rod)
+        C = self.model.assembly.elements.stiffness[self.model.elements_of(rod)]
+        return C[:, :3] * eps, C[:, 3:] * kappa
+
+    def muscle_length(self, name: str) -> float:
+        """Length of a muscle [mm]."""
+        return float(self._measured[1][self._muscle(name)])
+
+    def stretch(self, name: str) -> float:
+        """Length of a muscle over its rest length [1]."""
+        return self.muscle_length(name) / float(self.model.assembly.members.length[self._muscle(name)])
+
+    def muscle_force(self, name: str) -> float:
+        """Tensile force of a muscle without its viscous part [mN]."""
+        k, M = self._muscle(name), self.model.assembly.members
+        passive, _, _ = kernels.passive_tension(M.law[k], M.stiffness[k], M.length[k], self._measured[1][k])
+        return float(self.model.pull(self.drive)[k] + passive)
+
+    def _muscle(self, name: str) -> int:
+        if name not in self.model.muscles:
+            known = ", ".join(self.model.muscles) or "none"
+            raise ModelError(f"no muscle of the name {name!r}, expected one of: {known}")
+        return self.model.muscles[name]
+
+    @property
+    def energy(self) -> float:
+        """Elastic energy of rods and members [uJ]."""
+        elastic, _ = kernels.energies(self.model.assembly, self.x, *self._measured)
+        return float(elastic)
+
+    @property
+    def kinetic_energy(self) -> float:
+        """[uJ]"""
+        inertia = self.model.assembly.inertia
+        body = np.einsum("nij,nj->ni", self.Q, self.v[:, 3:])
+        spin = np.einsum("ni,nij,nj->n", body, inertia.J, body)
+        return float(0.5 * (inertia.mass @ (self.v[:, :3] ** 2).sum(axis=1) + spin.sum()))
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """Of everything, (3,) [mm]."""
+        mass = self.model.assembly.inertia.mass
+        return (mass @ self.x) / mass.sum()

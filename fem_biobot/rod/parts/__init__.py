@@ -1,0 +1,1 @@
+"""Axial members, loads, joints and contact points: their forces and derivatives."""

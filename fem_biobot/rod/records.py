@@ -1,0 +1,408 @@
+"""Small frozen records that describe an assembly of rods, bodies, joints, muscles and loads.
+
+A place is a pair: the name of a rod with the number of one of its nodes (``("beam", -1)`` is the last), or the name of
+a body with a point of it in the assembly as drawn (``("foot", (1.0, 0.0, 0.0))``). Records know nothing of each other;
+`rod.model` puts them together and refuses what does not fit. Units: mm, mN, kPa, s, kg, uJ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.errors import ModelError
+from fem_biobot.rod.section import RodMaterial, Section
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Place = tuple[str, int | Vector]
+History = Callable[[float], float]
+
+
+def _number(what: str, value: Any, low: float = -np.inf, *, open_low: bool = False) -> float:
+    """The value as a float; refuses what is not a finite number above (or at) `low`."""
+    good = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
+    if not good or not np.isfinite(value) or value < low or (open_low and value == low):
+        limit = "" if low == -np.inf else (f" above {low:g}" if open_low else f" of at least {low:g}")
+        raise ModelError(f"{what}: found {value!r}, expected a finite number{limit}")
+    return float(value)
+
+
+def vector(what: str, value: Any) -> Array:
+    """The value as three finite numbers, (3,)."""
+    try:
+        found = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        found = np.array([])
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise ModelError(f"{what}: found {value!r}, expected three finite numbers")
+    return found
+
+
+def _set(record: object, **values: Any) -> None:
+    for name, value in values.items():
+        object.__setattr__(record, name, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Rod:
+    """A rod, drawn as a chain of nodes; straight or curved, of one section or one for each element.
+
+    Parameters
+    ----------
+    points
+        Positions of its nodes, (n, 3) [mm], n at least 2.
+    section, material
+        One `Section`, or one for each of the n - 1 elements, and what the rod is made of.
+    name
+        For places; unique in a model.
+    normal
+        Direction of the first director, (3,); made perpendicular to the rod and carried along it without twist. By
+        default some perpendicular of the first element.
+    natural_curvature
+        Curvature and twist without load in the material frame, (3,) or (n - 1, 3) [1/mm]. By default the rod is free
+        of stress as drawn.
+    mass
+        Factor on the rod's mass [1]; 0 for a rod without any.
+    damping_time
+        Kelvin-Voigt time of this rod [s]: resultants gain ``damping_time`` times their rate. By default that of the
+        analysis.
+    """
+
+    points: Array
+    section: Section | Sequence[Section]
+    material: RodMaterial
+    name: str = "rod"
+    normal: Vector | None = None
+    natural_curvature: Any = None
+    mass: float = 1.0
+    damping_time: float | None = None
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 or not np.isfinite(points).all():
+            raise ModelError(f"rod {self.name}: found points of shape {points.shape}, expected (n, 3), n >= 2, finite")
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if lengths.min() <= 1e-12 * max(1.0, np.abs(points).max()):
+            raise ModelError(
+                f"rod {self.name}: element {int(lengths.argmin())} has zero length, expected distinct nodes"
+            )
+        sections = (self.section,) * len(lengths) if isinstance(self.section, Section) else tuple(self.section)
+        if len(sections) != len(lengths):
+            raise ModelError(f"rod {self.name}: found {len(sections)} sections, expected 1 or {len(lengths)}")
+        if self.normal is not None:
+            vector(f"rod {self.name}: normal", self.normal)
+        _number(f"rod {self.name}: mass", self.mass, 0.0)
+        if self.damping_time is not None:
+            _number(f"rod {self.name}: damping_time", self.damping_time, 0.0)
+        points.flags.writeable = False
+        _set(self, points=points, section=sections)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body.
+
+    Parameters
+    ----------
+    centre
+        Its centre of mass as drawn, (3,) [mm].
+    mass, inertia
+        [kg], and the inertia about the centre in the drawing's axes, (3, 3) or its diagonal (3,) [kg mm^2].
+    name
+        For places; unique in a model.
+    """
+
+    centre: Vector
+    mass: float
+    inertia: Any
+    name: str = "body"
+
+    def __post_init__(self) -> None:
+        _number(f"body {self.name}: mass", self.mass, 0.0, open_low=True)
+        inertia = np.array(self.inertia, dtype=float)
+        inertia = np.diag(inertia) if inertia.shape == (3,) else inertia
+        if inertia.shape != (3, 3) or not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
+            raise ModelError(f"body {self.name}: found inertia {self.inertia!r}, expected a positive definite one")
+        vector(f"body {self.name}: centre", self.centre)
+        _set(self, inertia=inertia)
+
+    @classmethod
+    def box(cls, centre: Vector, size: Vector, density: float, name: str = "body") -> Body:
+        """A box with edges along the drawing's axes; `size` (3,) [mm], `density` [kg/mm^3]."""
+        a, b, c = (_number(f"body {name}: size", s, 0.0, open_low=True) for s in size)
+        mass = _number(f"body {name}: density", density, 0.0, open_low=True) * a * b * c
+        return cls(centre, mass, mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b]), name)
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """Two places move as one, at whatever distance they were drawn: the parts share their unknowns."""
+
+    a: Place
+    b: Place
+
+
+@dataclass(frozen=True)
+class Spherical:
+    """Two places, drawn at the same point, stay together and turn freely against each other."""
+
+    a: Place
+    b: Place
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """As `Spherical`, and the parts turn against each other about `axis` (3,) alone."""
+
+    a: Place
+    b: Place
+    axis: Vector
+
+    def __post_init__(self) -> None:
+        if not np.linalg.norm(vector("hinge: axis", self.axis)) > 0.0:
+            raise ModelError(f"hinge: found axis {self.axis}, expected a direction")
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Translations and rotations that a place cannot make, by letters out of ``"xyz"`` in the drawing's axes."""
+
+    place: Place
+    translation: str = "xyz"
+    rotation: str = "xyz"
+
+    def __post_init__(self) -> None:
+        for what, letters in (("translation", self.translation), ("rotation", self.rotation)):
+            if len(set(letters)) != len(letters) or not set(letters) <= set("xyz"):
+                raise ModelError(f"hold: found {what} {letters!r}, expected each of 'xyz' at most once")
+        if not self.translation and not self.rotation:
+            raise ModelError("hold: found neither translation nor rotation, expected something to hold")
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """Force [mN] and moment [uJ] on a place, dead or, with `following`, turning with it.
+
+    `history` is a factor over time [1], 1 by default.
+    """
+
+    place: Place
+    force: Vector = (0.0, 0.0, 0.0)
+    moment: Vector = (0.0, 0.0, 0.0)
+    following: bool = False
+    history: History | None = None
+
+    def __post_init__(self) -> None:
+        vector("point load: force", self.force)
+        vector("point load: moment", self.moment)
+
+
+@dataclass(frozen=True)
+class DistributedLoad:
+    """Force per reference length [mN/mm] and moment per reference length [mN] along a whole rod, dead or following."""
+
+    rod: str
+    force: Vector = (0.0, 0.0, 0.0)
+    moment: Vector = (0.0, 0.0, 0.0)
+    following: bool = False
+    history: History | None = None
+
+    def __post_init__(self) -> None:
+        vector("distributed load: force", self.force)
+        vector("distributed load: moment", self.moment)
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Weight of every part: `acceleration` (3,) [mm/s^2], less the buoyancy in a medium of the given density."""
+
+    acceleration: Vector = (0.0, 0.0, -9810.0)
+    medium_density: float = 0.0
+
+    def __post_init__(self) -> None:
+        vector("gravity: acceleration", self.acceleration)
+        _number("gravity: medium_density", self.medium_density, 0.0)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Linear spring along the line between two places, or between a place and a fixed point.
+
+    `stiffness` [mN/mm]; `rest_length` [mm], by default as drawn; `damping` [mN s/mm] along the line.
+    """
+
+    a: Place
+    b: Place | Vector
+    stiffness: float
+    rest_length: float | None = None
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        _number("spring: stiffness", self.stiffness, 0.0)
+        _number("spring: damping", self.damping, 0.0)
+        if self.rest_length is not None:
+            _number("spring: rest_length", self.rest_length, 0.0)
+
+
+class Resistance(StrEnum):
+    """How a muscle member resists shortening, as nominal stress of the stretch s with Young's modulus E.
+
+    eq2
+        ``E (s - 1) / s``: Eq. 2 of the paper with its strain eps = 1 - s. Grows without bound as s goes to 0.
+    neo_hooke
+        ``E / 3 (s - s^-2)``: a strip of an incompressible neo-Hookean material. The same slope E at s = 1, stiffer
+        in shortening by a factor 1.02 at s = 0.8 and 1.09 at s = 0.6.
+    """
+
+    eq2 = "eq2"
+    neo_hooke = "neo_hooke"
+
+
+@dataclass(frozen=True)
+class Muscle:
+    """A muscle that pulls along the line between two places (Eq. 2 of the paper).
+
+    Its tensile force is ``area * (gamma * sin(theta) * T + resistance(stretch) + viscosity * rate of stretch)`` with
+    the tension ``T(t) = passive + drive(t) * active``.
+
+    Parameters
+    ----------
+    a, b
+        Its ends.
+    area
+        Section as moulded [mm^2].
+    young
+        Modulus of its passive resistance [kPa].
+    passive, active
+        Standing tension, and what full drive adds [kPa].
+    gamma, theta
+        Viable fraction [1] and the paper's angle [rad].
+    resistance
+        See `Resistance`.
+    rest_length
+        Length without passive stress [mm]; as drawn by default.
+    viscosity
+        Nominal stress per rate of stretch [kPa s].
+    mass
+        [kg], half at each end.
+    name
+        For outputs; unique in a model.
+    """
+
+    a: Place
+    b: Place
+    area: float
+    young: float
+    passive: float = 0.0
+    active: float = 0.0
+    gamma: float = 1.0
+    theta: float = np.pi / 2
+    resistance: Resistance = Resistance.eq2
+    rest_length: float | None = None
+    viscosity: float = 0.0
+    mass: float = 0.0
+    name: str = "muscle"
+
+    def __post_init__(self) -> None:
+        _number(f"muscle {self.name}: area", self.area, 0.0, open_low=True)
+        for key in ("young", "passive", "active", "gamma", "viscosity", "mass"):
+            _number(f"muscle {self.name}: {key}", getattr(self, key), 0.0)
+        if self.gamma > 1.0:
+            raise ModelError(f"muscle {self.name}: gamma: found {self.gamma:g}, expected at most 1")
+        if not 0.0 <= _number(f"muscle {self.name}: theta", self.theta) <= np.pi:
+            raise ModelError(f"muscle {self.name}: theta: found {self.theta:g} rad, expected between 0 and pi")
+        if self.rest_length is not None:
+            _number(f"muscle {self.name}: rest_length", self.rest_length, 0.0, open_low=True)
+        _set(self, resistance=Resistance(self.resistance))
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """Points of a part that the ground stops.
+
+    Parameters
+    ----------
+    part
+        Name of a body, or a place on a rod to whose node they are fixed.
+    points
+        As drawn, (c, 3) [mm].
+    radius
+        A round surface of this radius about each point [mm]: the part touches below it, and rolls.
+    axis
+        Direction in which the round surface extends: a cylinder; a sphere by default.
+    """
+
+    part: str | Place
+    points: Any
+    radius: float = 0.0
+    axis: Vector | None = None
+
+    def __post_init__(self) -> None:
+        points = np.atleast_2d(np.array(self.points, dtype=float))
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise ModelError(f"contact points: found shape {points.shape}, expected (c, 3) of finite numbers")
+        _number("contact points: radius", self.radius, 0.0)
+        _set(self, points=points)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A plane that stops contact points, with set-valued Coulomb friction.
+
+    Parameters
+    ----------
+    static_friction, kinetic_friction
+        Coefficient of a point that sticks and of one that slips [1]; kinetic at most static.
+    reverse_static_friction, reverse_kinetic_friction
+        For slip against `forward` [1]; by default the same.
+    height, normal
+        A point of the plane is ``height * normal`` [mm]; the unit normal points to the side of the machine.
+    forward
+        First direction in the plane, (3,).
+    velocity
+        Velocity of the surface, (3,) [mm/s]: a belt.
+    """
+
+    static_friction: float = 0.42
+    kinetic_friction: float | None = None
+    reverse_static_friction: float | None = None
+    reverse_kinetic_friction: float | None = None
+    height: float = 0.0
+    normal: Vector = (0.0, 0.0, 1.0)
+    forward: Vector = (1.0, 0.0, 0.0)
+    velocity: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        static = _number("ground: static_friction", self.static_friction, 0.0)
+        kinetic = static if self.kinetic_friction is None else self.kinetic_friction
+        back = static if self.reverse_static_friction is None else self.reverse_static_friction
+        slide = min(kinetic, back) if self.reverse_kinetic_friction is None else self.reverse_kinetic_friction
+        _set(self, kinetic_friction=kinetic, reverse_static_friction=back, reverse_kinetic_friction=slide)
+        for key in ("kinetic_friction", "reverse_static_friction", "reverse_kinetic_friction"):
+            _number(f"ground: {key}", getattr(self, key), 0.0)
+        if kinetic > static or slide > back:
+            raise ModelError(
+                f"ground: kinetic_friction: found {max(kinetic, slide):g} above the static {min(static, back):g}, "
+                "expected at most that"
+            )
+        if not np.isclose(np.linalg.norm(vector("ground: normal", self.normal)), 1.0, rtol=0.0, atol=1e-9):
+            raise ModelError(f"ground: found normal {self.normal}, expected a unit vector")
+        if np.linalg.norm(np.cross(self.normal, vector("ground: forward", self.forward))) < 1e-9:
+            raise ModelError(
+                f"ground: found forward {self.forward} along the normal, expected a direction in the plane"
+            )
+
+    @property
+    def axes(self) -> Array:
+        """Normal, forward direction in the plane, and the third, rows, (3, 3)."""
+        n = np.array(self.normal, dtype=float)
+        t = np.array(self.forward, dtype=float)
+        t -= n * (n @ t)
+        t /= np.linalg.norm(t)
+        return np.array([n, t, np.cross(n, t)])

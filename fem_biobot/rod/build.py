@@ -188,7 +188,7 @@ def _nodes(
                 lump = (density * section.area * span / 2, rod.points[end], R @ about @ R.T, section.area * span / 2)
                 lumps[group[rod.name, end]].append(lump)
     for body in bodies:
-        lumps[group[body.name, 0]].append((body.mass, np.array(body.centre, dtype=float), body.inertia, 0.0))
+        lumps[group[body.name, 0]].append((body.mass, np.array(body.centre, dtype=float), body.inertia, body.volume))
     for member in members:
         if isinstance(member, Muscle) and member.mass > 0.0:
             for place in (member.a, member.b):

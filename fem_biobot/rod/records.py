@@ -116,15 +116,19 @@ class Body:
         [kg], and the inertia about the centre in the drawing's axes, (3, 3) or its diagonal (3,) [kg mm^2].
     name
         For places; unique in a model.
+    volume
+        That a medium buoys up, about the centre [mm^3].
     """
 
     centre: Vector
     mass: float
     inertia: Any
     name: str = "body"
+    volume: float = 0.0
 
     def __post_init__(self) -> None:
         _number(f"body {self.name}: mass", self.mass, 0.0, open_low=True)
+        _number(f"body {self.name}: volume", self.volume, 0.0)
         inertia = np.array(self.inertia, dtype=float)
         inertia = np.diag(inertia) if inertia.shape == (3,) else inertia
         if inertia.shape != (3, 3) or not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
@@ -137,7 +141,7 @@ class Body:
         """A box with edges along the drawing's axes; `size` (3,) [mm], `density` [kg/mm^3]."""
         a, b, c = (_number(f"body {name}: size", s, 0.0, open_low=True) for s in size)
         mass = _number(f"body {name}: density", density, 0.0, open_low=True) * a * b * c
-        return cls(centre, mass, mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b]), name)
+        return cls(centre, mass, mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b]), name, a * b * c)
 
 
 @dataclass(frozen=True)
@@ -406,3 +410,15 @@ class Ground:
         t -= n * (n @ t)
         t /= np.linalg.norm(t)
         return np.array([n, t, np.cross(n, t)])
+
+    @property
+    def static_coefficients(self) -> Array:
+        """Against slip along forward, against it, and to both sides, (4,) [1]."""
+        back = self.reverse_static_friction
+        return np.array([self.static_friction, back, self.static_friction, self.static_friction], dtype=float)
+
+    @property
+    def kinetic_coefficients(self) -> Array:
+        """As `static_coefficients`, of a point that slips, (4,) [1]."""
+        slide = self.kinetic_friction
+        return np.array([slide, self.reverse_kinetic_friction, slide, slide], dtype=float)

@@ -130,15 +130,13 @@ def plane_of(ground: Ground | None, c: int) -> Plane:
     """Arrays of the ground."""
     g = ground or Ground()
     axes = g.axes
-    mu_s, mu_k = g.static_friction, g.kinetic_friction
-    back_s, back_k = g.reverse_static_friction, g.reverse_kinetic_friction
     # slip against `forward` meets the reverse coefficient; sideways the forward one
     return Plane(
         np.ascontiguousarray(axes),
         float(g.height),
         np.array(g.velocity, dtype=float),
-        np.tile([mu_s, back_s, mu_s, mu_s], (c, 1)),
-        np.tile([mu_k, back_k, mu_k, mu_k], (c, 1)),
+        np.tile(g.static_coefficients, (c, 1)),
+        np.tile(g.kinetic_coefficients, (c, 1)),
     )
 
 

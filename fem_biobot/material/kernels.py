@@ -1,9 +1,9 @@
 """Compiled point stage of the laws: second Piola stress and material tangent at every quadrature point.
 
 Layout (one for all): ``F`` (3, 3, e, q) [1]; ``S`` (6, e, q) and ``D`` (21, e, q) [kPa] packed in the order of
-`material.law.PAIRS`, ``D`` as the upper triangle of ``dS/dE`` by rows; ``psi`` (e, q) [kPa]. Every kernel ADDS to its
-outputs, for the elements listed, so that laws sum; a ``D`` without components (0, e, q) is left out. Inverted points
-must have been refused before.
+`material.law.PAIRS`, ``D`` as the upper triangle of ``dS/dE`` by rows; ``psi`` (e, q) [kPa]. Every kernel of a law
+ADDS to its outputs, for the elements listed, so that laws sum; a ``D`` without components (0, e, q) is left out.
+Inverted points must have been refused before, by `smallest_volume_ratio`.
 """
 
 from __future__ import annotations
@@ -188,4 +188,50 @@ def pull_back_points(G, elements, volume, S_e, D_e, psi_e, S, D, psi):
                     for c in range(6):
                         acc += half[a, c] * turn[b, c]
                     D[entry, e, q] += volume[e] * acc
+                    entry += 1
+
+
+@njit(cache=True, nogil=True)
+def smallest_volume_ratio(F):
+    """Smallest ``det F`` and the element that has it."""
+    worst = np.inf
+    where = -1
+    for e in range(F.shape[2]):
+        for q in range(F.shape[3]):
+            J = (
+                F[0, 0, e, q] * (F[1, 1, e, q] * F[2, 2, e, q] - F[1, 2, e, q] * F[2, 1, e, q])
+                - F[0, 1, e, q] * (F[1, 0, e, q] * F[2, 2, e, q] - F[1, 2, e, q] * F[2, 0, e, q])
+                + F[0, 2, e, q] * (F[1, 0, e, q] * F[2, 1, e, q] - F[1, 1, e, q] * F[2, 0, e, q])
+            )
+            if not J >= worst:  # also true for a NaN
+                worst = J
+                where = e
+                if np.isnan(J):
+                    return J, e
+    return worst, where
+
+
+@njit(cache=True, nogil=True)
+def extrapolated_stress(F, F_next, S, D, out):
+    """Write ``S + D : sym(F^T (F_next - F))``, (6, e, q): the second Piola stress carried along linearly."""
+    dE = np.empty(6)
+    for e in range(F.shape[2]):
+        for q in range(F.shape[3]):
+            for a in range(6):
+                k = _FIRST[a]
+                m = _SECOND[a]
+                total = 0.0
+                for i in range(3):
+                    total += F[i, k, e, q] * (F_next[i, m, e, q] - F[i, m, e, q])
+                    total += F[i, m, e, q] * (F_next[i, k, e, q] - F[i, k, e, q])
+                # off-diagonal components count twice in the contraction
+                dE[a] = 0.5 * total if a < 3 else total
+            for a in range(6):
+                out[a, e, q] = S[a, e, q]
+            entry = 0
+            for a in range(6):
+                for b in range(a, 6):
+                    out[a, e, q] += D[entry, e, q] * dE[b]
+                    if b != a:
+                        out[b, e, q] += D[entry, e, q] * dE[a]
                     entry += 1

@@ -1,4 +1,4 @@
-"""Compiled kernels of the solid: kinematics, internal force, tangent and the symmetric matrix-vector product.
+"""Compiled kernels of the solid: deformation gradient, internal force, tangent and the symmetric matrix-vector product.
 
 Shape letters: ``e`` elements, ``q`` quadrature points, ``b`` nodes of an element, ``n`` nodes. Tensor axes first, point
 axes last, but nodal vectors are (n, 3) so that one node lies together. Symmetric tensors are packed as in
@@ -12,17 +12,18 @@ constant length, and products may be contracted with sums ("contract" reorders n
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from fem_biobot.compile_cache import ensure_cache_folder
 
 ensure_cache_folder()
 
-from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
+from llvmlite import ir  # noqa: E402  (numba looks for its cache folder when it loads)
+from numba import njit, types  # noqa: E402
+from numba.extending import intrinsic  # noqa: E402
 
-_FIRST = np.array([0, 1, 2, 0, 1, 0])
-_SECOND = np.array([0, 1, 2, 1, 2, 2])
-_PACKED = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 # entry of a component (a, b) of a symmetric 6 by 6 matrix in its upper triangle by rows
 _ENTRY = np.array(
     [
@@ -81,52 +82,6 @@ def deformation_gradient(elements, u, nodes, slopes, to_reference, F):
                 for i in range(3):
                     for k in range(3):
                         F[i, k, e, q] = out[i, k, lane]
-
-
-@njit(cache=True, nogil=True)
-def smallest_volume_ratio(F):
-    """Smallest ``det F`` and the element that has it."""
-    worst = np.inf
-    where = -1
-    for e in range(F.shape[2]):
-        for q in range(F.shape[3]):
-            J = (
-                F[0, 0, e, q] * (F[1, 1, e, q] * F[2, 2, e, q] - F[1, 2, e, q] * F[2, 1, e, q])
-                - F[0, 1, e, q] * (F[1, 0, e, q] * F[2, 2, e, q] - F[1, 2, e, q] * F[2, 0, e, q])
-                + F[0, 2, e, q] * (F[1, 0, e, q] * F[2, 1, e, q] - F[1, 1, e, q] * F[2, 0, e, q])
-            )
-            if not J >= worst:  # also true for a NaN
-                worst = J
-                where = e
-                if np.isnan(J):
-                    return J, e
-    return worst, where
-
-
-@njit(cache=True, nogil=True)
-def extrapolated_stress(F, F_next, S, D, out):
-    """Write ``S + D : sym(F^T (F_next - F))``, (6, e, q): the second Piola stress carried along linearly."""
-    dE = np.empty(6)
-    for e in range(F.shape[2]):
-        for q in range(F.shape[3]):
-            for a in range(6):
-                k = _FIRST[a]
-                m = _SECOND[a]
-                total = 0.0
-                for i in range(3):
-                    total += F[i, k, e, q] * (F_next[i, m, e, q] - F[i, m, e, q])
-                    total += F[i, m, e, q] * (F_next[i, k, e, q] - F[i, k, e, q])
-                # off-diagonal components count twice in the contraction
-                dE[a] = 0.5 * total if a < 3 else total
-            for a in range(6):
-                out[a, e, q] = S[a, e, q]
-            entry = 0
-            for a in range(6):
-                for b in range(a, 6):
-                    out[a, e, q] += D[entry, e, q] * dE[b]
-                    if b != a:
-                        out[b, e, q] += D[entry, e, q] * dE[a]
-                    entry += 1
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -292,6 +247,9 @@ def tangent(elements, nodes, slopes, to_reference, dV, F, S, D, place, turned, t
                         moduli[q, d, g, 8, lane] += value
         pair = 0
         for a in range(n_basis):
+            # fetched while the arithmetic goes on, for else most of the adding would be waiting
+            for lane in range(filled):
+                _fetch_blocks(np.uint64(a), np.uint64(n_basis), np.uint64(pair), place[elements[first + lane]], data)
             for q in range(n_points):
                 s0, s1, s2 = slopes[a, 0, q], slopes[a, 1, q], slopes[a, 2, q]
                 for lane in range(_LANES):
@@ -324,6 +282,43 @@ def tangent(elements, nodes, slopes, to_reference, dV, F, S, D, place, turned, t
                                 K[b, c, lane] = block[c // 3, c % 3]
                 _add_blocks(np.uint64(a), np.uint64(n_basis), np.uint64(pair), K, np.uint64(lane), place[e], data)
             pair += n_basis - a
+
+
+def _typed_prefetch(typing_context, array, index):
+    """Ask the processor for the cache line of ``array[index]``, which is about to be changed; does nothing else."""
+
+    def generate(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        address = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
+        ask = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
+        # to write, into the nearest cache, data
+        builder.call(ask, [address, number(1), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, index), generate
+
+
+# called from kernels, without the first argument
+_prefetch: Any = intrinsic(_typed_prefetch)
+
+
+@njit(cache=True, nogil=True)
+def _fetch_blocks(a, n_basis, pair, place, data):
+    """Fetch the parts of rows that `_add_blocks` with the same `a` and `pair` will add to."""
+    for _ in range(a, n_basis):
+        at = np.uint64(place[pair, _ZERO])
+        length = np.uint64(abs(np.int64(place[pair, _ONE])))
+        pair += _ONE
+        # a row of three may lie in two cache lines
+        _prefetch(data, at)
+        _prefetch(data, at + _TWO)
+        _prefetch(data, at + length)
+        _prefetch(data, at + length + _ONE)
+        at += length + length
+        _prefetch(data, at - _THREE)
+        _prefetch(data, at - _ONE)
 
 
 @njit(cache=True, nogil=True)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fem_biobot.material.kernels import extrapolated_stress
 from fem_biobot.material.law import Array
-from fem_biobot.solid import kernels
 from fem_biobot.solid.linear import Factorisation, NotPositiveDefiniteError, conjugate_gradients, factorisation
 from fem_biobot.solid.pattern import Pattern
 from fem_biobot.solid.records import Step
@@ -224,7 +224,7 @@ def newton(
         change = system.to_global(delta.reshape(-1, 3))
         F_next = system.deformation_gradient(u + change)
         S_geo = np.empty_like(points.S)
-        kernels.extrapolated_stress(points.F, F_next, points.S, points.D, S_geo)
+        extrapolated_stress(points.F, F_next, points.S, points.D, S_geo)
         u += change
         points = _points(system, u, step, F_next)
     raise StepFailedError(

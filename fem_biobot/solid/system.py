@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.active import ActiveStress
-from fem_biobot.material.kernels import nominal_tension_points
+from fem_biobot.material.kernels import nominal_tension_points, smallest_volume_ratio
 from fem_biobot.material.law import PAIRS, Array, Law, inverse
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid import kernels
@@ -131,7 +131,7 @@ class System:
 
         Without `passive` the active tension alone; without `moduli` stress and energy only, with an empty ``D``.
         """
-        J, element = kernels.smallest_volume_ratio(F)
+        J, element = smallest_volume_ratio(F)
         if not J > 0.0:
             raise InvertedError(J, element)
         shape = self.space.dV.shape

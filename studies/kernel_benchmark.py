@@ -360,15 +360,17 @@ def expect(found: list[Benchmark], level: str) -> None:
             assert row["residual_difference_1"] < 1e-11, (
                 f"{row['contender']}: residual differs, {row['residual_difference_1']:.2g}"
             )
-    first = found[0]
-    forms, body = first.ratio(FORMS), first.ratio(FELUPE)
-    assert forms is not None
-    if level == "smoke":
-        assert forms > 10.0, f"scikit-fem's forms take only {forms:.1f} times as long"
-        return
-    # far below what is aimed at, so that a busy machine does not fail it; `verdict` says how far the aims are met
-    assert forms > 50.0, f"scikit-fem's forms take only {forms:.0f} times as long"
-    assert body is None or body > 1.5, f"FElupe takes only {body:.1f} times as long"
+    for benchmark in found:
+        forms = benchmark.ratio(FORMS)
+        assert forms is not None
+        if level == "smoke":
+            assert forms > 10.0, f"scikit-fem's forms take only {forms:.1f} times as long"
+            continue
+        # about half of what was found, so that a busy machine does not fail it; `verdict` speaks of the aims
+        assert forms > 100.0, f"scikit-fem's forms take only {forms:.0f} times as long"
+        for what, least in (("both", 2.5), ("tangent", 2.5), ("residual", 2.0)):
+            body = benchmark.ratio(FELUPE, what)
+            assert body is None or body > least, f"FElupe takes only {body:.1f} times as long for {what}"
 
 
 def verdict(found: list[Benchmark]) -> list[str]:
@@ -387,19 +389,24 @@ def verdict(found: list[Benchmark]) -> list[str]:
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 FOUND = """
-Two cores, 61 617 unknowns, 12 047 elements, medians of interleaved rounds, in three runs while other work kept the
-cores busy. All contenders assemble the same tangent and residual to 3e-15. "Both" is residual and tangent together.
+Two cores, 61 617 unknowns, 12 047 elements, medians of interleaved rounds, in two runs while other work kept the cores
+busy (one to three other processes). All contenders assemble the same tangent and residual to 3e-15. "Both" is residual
+and tangent together; law and deformation gradient are included in each.
 
-* One thread for every library: ours 67 to 74 ms for both (tangent alone 61 to 66, residual alone 13 to 16, law and
-  deformation gradient included in each; law stage by itself 4 to 6). scikit-fem's forms take 87 to 98 times as long
-  for both (97 to 108 for the tangent), FElupe 2.1 times (1.9 to 2.0 for the tangent, 1.5 to 1.7 for the residual).
-* The libraries' own threads, two for ours: 62 to 77 ms for both; scikit-fem's forms 88 to 98 times (97 to 108 for the
-  tangent), FElupe 2.0 to 2.4 times (1.8 to 2.3), its parallel option 2.1 times: a second thread is of little use
-  while the second core is busy. On two free cores FElupe took 3.2 to 3.6 times as long for the tangent and 2.5 to 2.9
-  times for the residual alone.
-* A form of scikit-fem that evaluates the law itself takes 610 times as long.
-* So 100 times scikit-fem's forms is just met or just missed, and 3 times FElupe's is missed wherever a second core is
-  not free: most of our tangent is the scatter into the sparse matrix and the making of the moduli on the unit cell.
+* One thread for every library, undisturbed as far as could be had: ours 24 ms for both (tangent alone 21, residual
+  alone 5.6; stages: gradient 1.7 to 2.1, law 1.9 to 2.0, its stress only 0.9, internal force 2.6 to 2.8, tangent 17).
+  FElupe takes 5.1 times as long for both, 4.9 times for the tangent, 3.4 times for the residual.
+* One thread, strongly disturbed: all take up to twice as long; FElupe 5.3 times for both, 4.9 for the tangent.
+* The libraries' own threads, two for ours on two busy cores: 24 ms for both; FElupe 5.2 times as long (tangent 5.0,
+  residual 3.2), its parallel option 5.4 times (5.2, 3.3). In the more disturbed run ours 49 ms, FElupe 4.8 times (4.0,
+  5.0), its parallel option 4.5 times (4.0, 2.7). The second thread brings nothing where the second core is not free;
+  with two free cores it was not measured.
+* scikit-fem's forms take 190 to 360 times as long for both, 210 to 400 times for the tangent; a form that evaluates the
+  law itself 1600 to 2200 times.
+* So 100 times scikit-fem's forms and 3 times FElupe's are met with one thread each, 8 times FElupe's is not. Of our
+  tangent's 17 ms some 10 to 11 are arithmetic, at less than half of what the vector units could do, the rest is adding
+  to the sparse matrix; other orders of elements or of the matrix's rows did not make the adding shorter, fetching the
+  rows ahead did.
 """
 
 # --- what was not looked at -------------------------------------------------------------------------------------------

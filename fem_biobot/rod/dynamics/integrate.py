@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from fem_biobot.rod.contact.kernels import STICK
 from fem_biobot.rod.contact.scratch import scratch
 from fem_biobot.rod.dynamics import kernels
 from fem_biobot.rod.dynamics.arrays import BOOK, Plane, State, copied, work_for
+from fem_biobot.rod.explicit import kernels as explicit_kernels
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.parts.kernels import contact
 from fem_biobot.rod.records import Ground
@@ -164,19 +166,30 @@ def at_rest(model: RodModel, start: RodState | None, velocity: Array | None = No
     )
 
 
+class Integrator(StrEnum):
+    """How time is stepped: see `rod.dynamics.kernels` and `rod.explicit.kernels`."""
+
+    implicit = "implicit"
+    explicit = "explicit"
+
+
 @dataclass(frozen=True)
 class Settings:
-    """Of the implicit integrator.
+    """Of the integrators.
 
     Attributes
     ----------
+    integrator
+        Implicit for work; explicit as an independent witness, which needs steps below 2 over the highest angular
+        frequency of the model.
     dissipation
-        c in ``theta = 1/2 + c step`` [1/s]: a mode of angular frequency w loses energy as with the damping ratio
+        Implicit only: c in ``theta = 1/2 + c step`` [1/s]: a mode of angular frequency w loses energy as with the damping ratio
         ``c step^2 w``, on top of its own.
     tolerance
-        Unbalanced impulse relative to the largest that acts [1].
+        Implicit only: unbalanced impulse relative to the largest that acts [1].
     """
 
+    integrator: Integrator = Integrator.implicit
     dissipation: float = 20.0
     tolerance: float = 1e-9
 
@@ -290,6 +303,7 @@ class _Run:
             self.book, self.first, self.n_steps = np.zeros(len(BOOK)), 0.0, 0
             self._refuse_start_inside()
             self._enter_start()
+        self._refuse_massless()
         self.origin = self.n_steps
         self.work = work_for(self.state, system.n_blocks, len(system.touching))
         self.scratch = scratch(c)
@@ -315,6 +329,14 @@ class _Run:
                     "(lower the ground or lift the machine)"
                 )
 
+    def _refuse_massless(self) -> None:
+        inertia = self.assembly.inertia
+        free = inertia.held == 0
+        if self.settings.integrator is Integrator.explicit and free.any():
+            least = np.minimum(inertia.mass, np.linalg.eigvalsh(inertia.J)[:, 0])[free].min()
+            if not least > 0.0:
+                raise ModelError("dynamics: a part has no mass or no inertia, expected some for explicit steps")
+
     def _enter_start(self) -> None:
         state = RodState(self.model, self.state.x, self.state.Q, self.state.v)
         elastic, weight = assembly_kernels.energies(self.assembly, self.state.x, self.state.strain, self.state.lengths)
@@ -338,23 +360,18 @@ class _Run:
     def _advance(self, times: Array, h: float) -> int:
         pulls = np.array([self.model.pull(self.drive(t)) for t in times])
         factors = np.array([self.model.load_factors(t) for t in times])
+        pulls, factors = pulls.reshape(len(times), -1), factors.reshape(len(times), -1)
+        if self.settings.integrator is Integrator.explicit:
+            made, self.outcome, residual = explicit_kernels.explicit_run(
+                self.assembly, self.system, self.state, self.plane, h, pulls, factors,
+                self.work, self.scratch, self.book, self.tally,
+            )  # fmt: skip
+            self.worst = max(self.worst, residual)
+            return made
         made, self.outcome, iterations, factorisations, residual = kernels.implicit_run(
-            self.assembly,
-            self.system,
-            self.state,
-            self.plane,
-            h,
-            self.settings.theta(h),
-            pulls.reshape(len(times), -1),
-            factors.reshape(len(times), -1),
-            self.arm,
-            self.settings.tolerance,
-            _MOST_ITERATIONS,
-            self.work,
-            self.scratch,
-            self.book,
-            self.tally,
-        )
+            self.assembly, self.system, self.state, self.plane, h, self.settings.theta(h), pulls, factors,
+            self.arm, self.settings.tolerance, _MOST_ITERATIONS, self.work, self.scratch, self.book, self.tally,
+        )  # fmt: skip
         self.counts["iterations"] += iterations
         self.counts["factorisations"] += factorisations
         if self.outcome == kernels.CONVERGED:

@@ -41,8 +41,8 @@ from fem_biobot.rod.rotation.kernels import turn  # noqa: E402
 
 CONVERGED, SLOW, SINGULAR, CONTACT, WOUND = 0, 1, 2, 3, 4
 _LARGEST_TURN = 3.0  # rad within an element, beyond which the rotation vector is no longer unique
-_CONTACT_TOLERANCE = 1e-12
-_CONTACT_ACCEPTED = 1e-9  # residual of the contact problem with which a step may be accepted
+CONTACT_TOLERANCE = 1e-12
+CONTACT_ACCEPTED = 1e-9  # residual of the contact problem with which a step may be accepted
 _CONTACT_ITERATIONS = 100
 _STALE = 4  # iterations after which old factors are renewed
 
@@ -187,7 +187,7 @@ def _factorise(assembly, system, state, h, theta, load_factor, work):
 
 
 @njit(cache=True, nogil=True)
-def _ground(assembly, system, state, plane, h, theta, tolerance, work, scratch):
+def ground_impulses(assembly, system, state, plane, h, theta, tolerance, work, scratch):
     """Impulses `work.p` of the ground for the velocities ``v1 + free``; returns the contact problem's residual."""
     count = assembly.contacts.node.shape[0]
     for i in range(count):
@@ -225,7 +225,7 @@ def _ground(assembly, system, state, plane, h, theta, tolerance, work, scratch):
 
 
 @njit(cache=True, nogil=True)
-def _add_ground_impulse(assembly, work, to):
+def add_ground_impulses(assembly, work, to):
     """Add the impulses `work.p` to the nodes' impulses `to` (n, 6)."""
     for i in range(assembly.contacts.node.shape[0]):
         node = assembly.contacts.node[i]
@@ -239,7 +239,7 @@ def _add_ground_impulse(assembly, work, to):
 def _unbalance(assembly, arm, work):
     """Largest entry of the impulses left, with those of ground and joints; moments over the length `arm`."""
     work.column[:] = 0.0
-    _add_ground_impulse(assembly, work, work.column)
+    add_ground_impulses(assembly, work, work.column)
     worst = 0.0
     for i in range(assembly.inertia.mass.shape[0]):
         if assembly.inertia.held[i] == 1:
@@ -291,7 +291,7 @@ def implicit_step(
                     work.rhs[n + j, r] = 0.0
         if not np.isfinite(residual):
             return SLOW, iteration, factorisations, residual
-        if iteration > 0 and residual <= tolerance * scale and trouble <= _CONTACT_ACCEPTED:
+        if iteration > 0 and residual <= tolerance * scale and trouble <= CONTACT_ACCEPTED:
             return CONVERGED, iteration, factorisations, residual / max(scale, 1e-300)
         if not fresh or (since >= _STALE and residual > 0.1 * before):
             if not _factorise(assembly, system, state, h, theta, load_factor, work):
@@ -307,8 +307,8 @@ def implicit_step(
         solve(system.plan, work.blocks, work.free)
         if count > 0:
             work.touch[:] = state.touch
-            trouble = _ground(assembly, system, state, plane, h, theta, _CONTACT_TOLERANCE, work, scratch)
-            _add_ground_impulse(assembly, work, work.rhs)
+            trouble = ground_impulses(assembly, system, state, plane, h, theta, CONTACT_TOLERANCE, work, scratch)
+            add_ground_impulses(assembly, work, work.rhs)
             solve(system.plan, work.blocks, work.rhs)
         else:
             work.rhs[:] = work.free
@@ -318,7 +318,7 @@ def implicit_step(
         for j in range(work.joint1.shape[0]):
             for r in range(6):
                 work.joint1[j, r] += work.rhs[n + j, r]
-    return (SLOW if trouble <= _CONTACT_ACCEPTED else CONTACT), most, factorisations, residual
+    return (SLOW if trouble <= CONTACT_ACCEPTED else CONTACT), most, factorisations, residual
 
 
 @njit(cache=True, nogil=True)
@@ -402,7 +402,7 @@ def accept(assembly, system, state, h, theta, pull, load_factor, work, book):
     state.v[:] = work.v1
     state.impulse[:] = work.p
     state.touch[:] = work.touch
-    settle(work.b, work.w, state.touch, state.slide, _CONTACT_TOLERANCE)
+    settle(work.b, work.w, state.touch, state.slide, CONTACT_TOLERANCE)
     state.joint[:] = work.joint1
     state.strain[:] = work.strain
     state.lengths[:] = work.lengths

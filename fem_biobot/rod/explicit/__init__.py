@@ -1,0 +1,1 @@
+"""The explicit integrator: an independent witness of the implicit one."""

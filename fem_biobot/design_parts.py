@@ -164,7 +164,9 @@ class Numerics(Record, frozen=True):
     """Settings of the solvers."""
 
     step: PositiveTime = Field(default=1e-3, description="Time step of the dynamics [s]")
-    damping_time: NonNegativeTime = Field(default=0.01, description="Relaxation time of the internal damping [s]")
+    damping_time: NonNegativeTime = Field(
+        default=1e-4, description="Kelvin-Voigt time of gel and tissue: stress per rate over stress per strain [s]"
+    )
     tolerance: Annotated[float, Quantity("1", 1e-13, 1e-3)] = Field(
         default=1e-9, description="Residual relative to the force scale at which an equilibrium is accepted [1]"
     )

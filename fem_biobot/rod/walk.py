@@ -1,0 +1,227 @@
+"""Walking: a machine stands, is driven, and what it does is returned as a `Walk`.
+
+`walk` runs the implicit integrator stroke by stroke, so that a machine that falls is noticed, a caller can keep what is
+done, and a walk that was interrupted goes on as if it had not been.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from fem_biobot.design import Design
+from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.muscle.drive import waveform as drive_waveform
+from fem_biobot.rod.anatomy import anatomy, muscle_forces, path, sole_gaps, uprightness
+from fem_biobot.rod.contact.kernels import LIFTED
+from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion, Settings, dynamics
+from fem_biobot.rod.gait import Event, Walk, joined
+from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.rod.records import Ground
+from fem_biobot.rod.reduce import ground_of, reduce
+from fem_biobot.rod.rest import Stance, stance
+
+_SAMPLES = 100  # at least, in a stroke, where the step allows it
+_TRANSIENT = 1.0  # s, in whole strokes, left out of means; at most half of the walk
+_UPRIGHT = 0.5  # cosine of the tilt at which a machine has fallen
+
+
+def walk(
+    machine: Design | RodModel,
+    *,
+    frequency: float | None = None,
+    duration: float | None = None,
+    amplitude: float | None = None,
+    step: float | None = None,
+    ground: Ground | None = None,
+    waveform: str | None = None,
+    beam_elements: int = 16,
+    plate_factor: str = "none",
+    discard: int | None = None,
+    sample_every: int | None = None,
+    settings: Settings | None = None,
+    start: Stance | RodState | Checkpoint | None = None,
+    listener: Callable[[float], None] | None = None,
+    keeper: Callable[[Motion], None] | None = None,
+) -> Walk:
+    """Walk of a machine over its ground.
+
+    Parameters
+    ----------
+    machine
+        A design, reduced with `beam_elements` and `plate_factor`, or a model with contact points and muscles.
+    frequency, duration, amplitude, waveform, step
+        Strokes per second [Hz], driven time [s], largest drive [1], shape of the drive, time step [s]. By default the
+        design's; for a model 2 Hz, 5 s, 1, ``abs_sine`` and 1 ms.
+    ground
+        By default the design's; for a model ``Ground()``.
+    discard
+        Strokes left out of means at the beginning. By default those of the first second, at most half.
+    sample_every
+        Steps between samples; by default as many as leave 100 samples to a stroke.
+    settings
+        Of the integrator.
+    start
+        By default the machine first takes its standing shape and settles (`stance`). A `Stance` of the same model saves
+        that; a `RodState` is begun from as it is; a `Checkpoint` (``motion.final``) goes on from where it was.
+    listener
+        Told the time reached after each sample [s].
+    keeper
+        Given the motion of each stroke when it is done; its ``final`` is a checkpoint to go on from.
+
+    Returns
+    -------
+    Walk
+        Up to `duration`, or to the event that ended it: a machine that overturned.
+
+    Raises
+    ------
+    ModelError
+        A frequency, duration or step that is not above zero, a step longer than a stroke, a model without contact
+        points or muscles, a start inside the ground.
+    SolveError
+        A step that cannot be made; `best` is the `Walk` up to there.
+    """
+    design = machine if isinstance(machine, Design) else None
+    given = design.drive if design else None
+    frequency = _first(frequency, given.frequency if given else 2.0)
+    duration = _first(duration, given.duration if given else 5.0)
+    amplitude = _first(amplitude, given.amplitude if given else 1.0)
+    waveform = waveform or (given.waveform if given else "abs_sine")
+    step = _first(step, design.numerics.step if design else 1e-3)
+    _check_times(frequency, duration, amplitude, step)
+    if isinstance(machine, Design):
+        model = reduce(machine, beam_elements=beam_elements, plate_factor=plate_factor)
+        ground = ground or ground_of(machine)
+    else:
+        model, ground = machine, ground or Ground()
+    anatomy(model)  # refuses what cannot walk
+    drive = drive_waveform(waveform, frequency, amplitude)
+    stood = start if isinstance(start, Stance) else stance(model, ground) if start is None else None
+    begin = stood.state if stood is not None else start
+    if sample_every is None:
+        sample_every = _sampling(round(1.0 / (frequency * step)))
+    first = begin.time if isinstance(begin, Checkpoint) else 0.0
+    clock = time.process_time()
+    motions: list[Motion] = []
+
+    def made(events: tuple[Event, ...] = ()) -> Walk:
+        motion = joined(motions)
+        strokes = math.floor((motion.times[-1] - motion.times[0]) * frequency + 1e-6)
+        left_out = min(math.ceil(_TRANSIENT * frequency - 1e-9), strokes // 2) if discard is None else discard
+        spent = time.process_time() - clock
+        return Walk(motion, frequency, amplitude, waveform, step, left_out, stood, design, events, (), spent)
+
+    for count in _strokes(first, duration, frequency, step):
+        here = motions[-1].final if motions else begin
+        assert not isinstance(here, Stance)
+        try:
+            motion = dynamics(
+                model,
+                count * step,
+                step,
+                ground=ground,
+                drive=drive,
+                start=here,
+                sample_every=sample_every,
+                settings=settings,
+                listener=listener,
+            )
+        except SolveError as error:
+            motions.append(error.best)
+            so_far = made(_events(joined(motions)))
+            raise SolveError(f"walk: {error}", best=so_far, reason=error.reason) from None
+        fallen = _fall(motion)
+        motions.append(motion if fallen is None else _cut(motion, fallen))
+        if keeper is not None:
+            keeper(motions[-1])
+        if fallen is not None:
+            break
+    return made(_events(joined(motions)))
+
+
+def _first(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _check_times(frequency: float, duration: float, amplitude: float, step: float) -> None:
+    limits = (("frequency", frequency, "Hz"), ("duration", duration, "s"), ("step", step, "s"))
+    for name, value, unit in limits:
+        if not (isinstance(value, int | float) and math.isfinite(value) and value > 0.0):
+            raise ModelError(f"walk: {name}: found {value!r}, expected a number above 0 {unit}")
+    if not (isinstance(amplitude, int | float) and math.isfinite(amplitude) and amplitude >= 0.0):
+        raise ModelError(f"walk: amplitude: found {amplitude!r}, expected a number of at least 0")
+    if step > 1.0 / frequency:
+        raise ModelError(f"walk: step: found {step:g} s, expected at most the drive's period ({1.0 / frequency:g} s)")
+    if step > duration:
+        raise ModelError(f"walk: step: found {step:g} s, expected at most the duration ({duration:g} s)")
+
+
+def _sampling(steps: int) -> int:
+    """Largest number of steps between samples that divides a stroke of `steps` and leaves it enough samples."""
+    most = max(1, steps // _SAMPLES)
+    return next(n for n in range(most, 0, -1) if steps % n == 0 or n == 1)
+
+
+def _strokes(first: float, duration: float, frequency: float, step: float) -> list[int]:
+    """Steps from each stroke's end to the next, from the time `first` on; the same wherever one begins."""
+    counts, last = [], round(duration / step)
+    stroke = math.floor(first * frequency + 1e-6)
+    done = 0
+    while done < last:
+        stroke += 1
+        end = min(round((stroke / frequency - first) / step), last)
+        if end > done:
+            counts.append(end - done)
+            done = end
+    return counts
+
+
+def _fall(motion: Motion) -> int | None:
+    """First sample that shows the machine fallen."""
+    found = anatomy(motion.model)
+    fallen = uprightness(motion, found) < _UPRIGHT
+    assert motion.ground is not None
+    normal, height = motion.ground.axes[0], motion.ground.height
+    for spot in (found.start, found.end, found.crown):
+        if spot is not None:
+            fallen |= path(motion, spot) @ normal <= height
+    fallen |= ~np.isfinite(motion.x).all(axis=(1, 2))
+    return int(fallen.argmax()) if fallen.any() else None
+
+
+def _cut(motion: Motion, last: int) -> Motion:
+    """The motion up to a sample; its checkpoint and counts stay those of its end."""
+    columns = {f.name: getattr(motion, f.name) for f in fields(Motion)}
+    return replace(motion, **{k: v[: last + 1] for k, v in columns.items() if isinstance(v, np.ndarray)})
+
+
+def _events(motion: Motion) -> tuple[Event, ...]:
+    found = anatomy(motion.model)
+    times, events = motion.times, []
+
+    def note(name: str, shows: Any, text: str) -> None:
+        if shows.any():
+            t = float(times[int(shows.argmax())])
+            events.append(Event(name, t, f"{text} at {t:.4g} s"))
+
+    fallen = _fall(motion)
+    if fallen is not None:
+        t = float(times[fallen])
+        events.append(Event("overturned", t, f"the machine overturned at {t:.4g} s; the walk ends there"))
+    force = muscle_forces(motion, found)
+    for column, k in enumerate(found.muscles):
+        note("slack", force[:, column] < 0.0, f"muscle {motion.model.members[k].name} goes slack")  # type: ignore[union-attr]
+    gaps = sole_gaps(motion, found)
+    for k in range(gaps.shape[1]):
+        note("touching", gaps[:, k] <= 0.0, f"{found.feet[k]} and {found.feet[k + 1]} touch each other")
+    lifted = np.stack([(motion.touch[:, c] == LIFTED).all(axis=1) for c in found.corners], axis=1)
+    for k, name in enumerate(found.feet):
+        note("lifted", lifted[:, k], f"{name} leaves the ground for the first time")
+    note("flight", lifted.all(axis=1), "no foot touches the ground for the first time")
+    return tuple(sorted(events, key=lambda event: event.time))

@@ -81,6 +81,20 @@ class Atlas:
 
 
 @dataclass(frozen=True)
+class Moved:
+    """A support that loading moves: a held node, or a constraint of the world, and its `Hold`.
+
+    `place` is the position of the held place and `offset` its distance from the node, both as drawn (3,) [mm].
+    """
+
+    node: int
+    constraint: int
+    hold: Hold
+    place: Array
+    offset: Array
+
+
+@dataclass(frozen=True)
 class Built:
     """An assembly with what is known of its parts."""
 
@@ -90,6 +104,7 @@ class Built:
     members: tuple[Member, ...]
     histories: tuple[Callable[[float], float] | None, ...]
     volume: Array
+    moved: tuple[Moved, ...] = ()
 
 
 def build(
@@ -107,9 +122,14 @@ def build(
     n = len(mass)
     held = np.zeros(n, dtype=np.int64)
     constraints: list[tuple[int, int, Array, Array, Sequence[int], Array]] = []
+    moved: list[Moved] = []
     for hold in supports:
         node, offset = atlas.locate(hold.place)
-        if set(hold.translation) == set(hold.rotation) == set("xyz"):
+        fully = set(hold.translation) == set(hold.rotation) == set("xyz")
+        if hold.moves:
+            place = atlas.centre[node] + offset
+            moved.append(Moved(node, -1 if fully else len(constraints), hold, place, offset))
+        if fully:
             held[node] = 1
             continue
         rows = [int(c in hold.translation) for c in "xyz"] + [int(c in hold.rotation) for c in "xyz"]
@@ -141,7 +161,7 @@ def build(
         gravity,
     )
     _refuse_loose_parts(assembly, atlas)
-    return Built(assembly, atlas, atlas.centre.copy(), tuple(members), tuple(histories), volume)
+    return Built(assembly, atlas, atlas.centre.copy(), tuple(members), tuple(histories), volume, tuple(moved))
 
 
 def _nodes(

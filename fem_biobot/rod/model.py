@@ -152,6 +152,12 @@ class RodState:
         [s]
     multiplier
         Force and couple that each joint or partial support exerts on its first part, (j, 6) [mN, uJ].
+    load, tension
+        Factors on the loads and on the muscles' tension [1]; other than 1 on the way of `statics` only.
+    stable
+        Of an equilibrium: whether every small motion that supports and joints allow costs energy; None if not known.
+    residual
+        Of an equilibrium: largest force out of balance over the largest force [1].
     """
 
     model: RodModel
@@ -161,6 +167,10 @@ class RodState:
     drive: float = 0.0
     time: float = 0.0
     multiplier: Array = field(default_factory=lambda: np.zeros((0, 6)))
+    load: float = 1.0
+    tension: float = 1.0
+    stable: bool | None = None
+    residual: float = 0.0
 
     def __post_init__(self) -> None:
         if len(self.v) == 0:
@@ -224,7 +234,7 @@ class RodState:
         """Tensile force of a muscle without its viscous part [mN]."""
         k, M = self._muscle(name), self.model.assembly.members
         passive, _, _ = kernels.passive_tension(M.law[k], M.stiffness[k], M.length[k], self._measured[1][k])
-        return float(self.model.pull(self.drive)[k] + passive)
+        return float(self.tension * self.model.pull(self.drive)[k] + passive)
 
     def _muscle(self, name: str) -> int:
         if name not in self.model.muscles:

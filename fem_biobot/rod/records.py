@@ -175,11 +175,27 @@ class Hinge:
 
 @dataclass(frozen=True)
 class Hold:
-    """Translations and rotations that a place cannot make, by letters out of ``"xyz"`` in the drawing's axes."""
+    """Translations and rotations that a place cannot make, by letters out of ``"xyz"`` in the drawing's axes.
+
+    With two rotations held the part turns about the third axis freely, however far.
+
+    Parameters
+    ----------
+    place
+        What is held.
+    translation, rotation
+        Letters of the components held.
+    displacement, turn
+        In statics, where load factor 1 moves what is held: displacement (3,) [mm] and rotation vector (3,) [rad] of
+        any number of turns, from the drawing; of the translations, only the held components count. Dynamics holds
+        parts where its start has them.
+    """
 
     place: Place
     translation: str = "xyz"
     rotation: str = "xyz"
+    displacement: Vector = (0.0, 0.0, 0.0)
+    turn: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         for what, letters in (("translation", self.translation), ("rotation", self.rotation)):
@@ -187,6 +203,14 @@ class Hold:
                 raise ModelError(f"hold: found {what} {letters!r}, expected each of 'xyz' at most once")
         if not self.translation and not self.rotation:
             raise ModelError("hold: found neither translation nor rotation, expected something to hold")
+        vector("hold: displacement", self.displacement)
+        if vector("hold: turn", self.turn).any() and set(self.rotation) != set("xyz"):
+            raise ModelError(f"hold: found a turn with rotation {self.rotation!r}, expected all of 'xyz' to be held")
+
+    @property
+    def moves(self) -> bool:
+        """Whether loading moves what is held."""
+        return any(self.displacement) or any(self.turn)
 
 
 @dataclass(frozen=True)

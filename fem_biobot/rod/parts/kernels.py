@@ -218,8 +218,9 @@ def add_gravity(inertia, gravity, factor, force):
 def constraint(constraints, j, x, Q, value, rows):
     """Write a joint's six residuals `value` and their derivatives by the two nodes' increments, `rows` (6, 12).
 
-    Rows that do not hold are zero. The rotation rows are the components, in the second part's frame, of the axial
-    vector of the relative rotation: exact where they vanish.
+    Rows that do not hold are zero. Two rotation rows keep the third axis of both parts parallel, however far they turn
+    about it. One or three are components, in the second part's frame, of the axial vector of the relative rotation:
+    exact where they vanish.
     """
     ra = np.empty(3)
     rb = np.empty(3)
@@ -233,6 +234,12 @@ def constraint(constraints, j, x, Q, value, rows):
     point(x, Q, k, constraints.offset[j, 1], rb, b)
     value[:] = 0.0
     rows[:] = 0.0
+    turns = 0
+    free = 0
+    for c in range(3):
+        turns += constraints.rows[j, 3 + c]
+        if constraints.rows[j, 3 + c] == 0:
+            free = c
     for c in range(3):
         arm(Q, i, constraints.frame[j, 0, c], A[c])
         if k >= 0:
@@ -253,18 +260,27 @@ def constraint(constraints, j, x, Q, value, rows):
             rows[c, 9 + d] = -rb[e]
             rows[c, 9 + e] = rb[d]
         if constraints.rows[j, 3 + c] == 1:
+            # the row is weight (A_d . B_e) plus other (A_e . B_d)
             d = (c + 1) % 3
             e = (c + 2) % 3
-            # half of (A_d . B_e - A_e . B_d), the sine of the small turn about B_c
+            weight = 0.5
+            other = -0.5
+            if turns == 2:
+                # the free axis of the first part stays across the other axes of the second
+                d = free
+                e = 3 - free - c
+                weight = 1.0 if (free + 1) % 3 == e else -1.0
+                other = 0.0
             for t in range(3):
-                value[3 + c] += 0.5 * (A[d, t] * B[e, t] - A[e, t] * B[d, t])
+                value[3 + c] += weight * A[d, t] * B[e, t] + other * A[e, t] * B[d, t]
             for t in range(3):
                 u = (t + 1) % 3
                 w = (t + 2) % 3
                 # dA = dtheta x A, so d(A . B) = dtheta . (A x B)
-                cross = (A[d, u] * B[e, w] - A[d, w] * B[e, u]) - (A[e, u] * B[d, w] - A[e, w] * B[d, u])
-                rows[3 + c, 3 + t] = 0.5 * cross
-                rows[3 + c, 9 + t] = -0.5 * cross
+                across = weight * (A[d, u] * B[e, w] - A[d, w] * B[e, u])
+                across += other * (A[e, u] * B[d, w] - A[e, w] * B[d, u])
+                rows[3 + c, 3 + t] = across
+                rows[3 + c, 9 + t] = -across
     if k < 0:
         rows[:, 6:] = 0.0
 

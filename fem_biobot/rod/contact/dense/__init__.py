@@ -1,0 +1,1 @@
+"""Small dense systems in given buffers."""

@@ -1,0 +1,1 @@
+"""The convex set of admissible friction."""

@@ -1,0 +1,1 @@
+"""The natural map of the contact problem and its Newton matrix."""

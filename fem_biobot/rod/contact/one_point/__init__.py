@@ -1,0 +1,1 @@
+"""One contact point with all others held."""

@@ -118,6 +118,9 @@ class Body:
         For places; unique in a model.
     volume
         That a medium buoys up, about the centre [mm^3].
+    boxes
+        What it looks like as drawn, in files and pictures alone: pairs of the centre and the edges of a box along the
+        drawing's axes, (3,) each [mm].
     """
 
     centre: Vector
@@ -125,6 +128,7 @@ class Body:
     inertia: Any
     name: str = "body"
     volume: float = 0.0
+    boxes: Sequence[tuple[Vector, Vector]] = ()
 
     def __post_init__(self) -> None:
         _number(f"body {self.name}: mass", self.mass, 0.0, open_low=True)
@@ -134,14 +138,19 @@ class Body:
         if inertia.shape != (3, 3) or not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
             raise ModelError(f"body {self.name}: found inertia {self.inertia!r}, expected a positive definite one")
         vector(f"body {self.name}: centre", self.centre)
-        _set(self, inertia=inertia)
+        for centre, edges in self.boxes:
+            vector(f"body {self.name}: centre of a box", centre)
+            if not vector(f"body {self.name}: edges of a box", edges).min() > 0.0:
+                raise ModelError(f"body {self.name}: found a box with edges {edges!r}, expected lengths above 0 mm")
+        _set(self, inertia=inertia, boxes=tuple(self.boxes))
 
     @classmethod
     def box(cls, centre: Vector, size: Vector, density: float, name: str = "body") -> Body:
         """A box with edges along the drawing's axes; `size` (3,) [mm], `density` [kg/mm^3]."""
         a, b, c = (_number(f"body {name}: size", s, 0.0, open_low=True) for s in size)
         mass = _number(f"body {name}: density", density, 0.0, open_low=True) * a * b * c
-        return cls(centre, mass, mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b]), name, a * b * c)
+        inertia = mass / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+        return cls(centre, mass, inertia, name, a * b * c, ((centre, (a, b, c)),))
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ Everything is read from the samples of one motion; nothing is integrated again. 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -18,51 +17,14 @@ from numpy.typing import NDArray
 from fem_biobot.design import Design
 from fem_biobot.rod.anatomy import Anatomy, anatomy, closing, muscle_forces, muscle_lengths, path, sagitta
 from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
-from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion
+from fem_biobot.rod.dynamics.integrate import Motion
+from fem_biobot.rod.events import Event
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.records import Ground
 from fem_biobot.rod.rest import Stance
 
 Array = NDArray[np.float64]
 CAMERA_RATE = 6.0  # frames a second, the paper's
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that a walk does not ignore.
-
-    Attributes
-    ----------
-    name
-        ``overturned`` (ends the walk), ``slack`` (a muscle pushes), ``touching`` (soles meet), ``flight`` (no foot on
-        the ground), ``lifted`` (a foot leaves the ground for the first time).
-    time
-        Of the first sample that shows it [s].
-    text
-        One line.
-    """
-
-    name: str
-    time: float
-    text: str
-
-
-def joined(motions: Sequence[Motion]) -> Motion:
-    """Motions that each begin where the one before ended, as one; counts are added, the worst residual kept."""
-    values: dict[str, Any] = {}
-    for each in fields(Motion):
-        parts = [getattr(motion, each.name) for motion in motions]
-        first = parts[0]
-        if isinstance(first, np.ndarray):
-            # the first sample of a later motion is the last of the one before
-            values[each.name] = np.concatenate([first, *(part[1:] for part in parts[1:])])
-        elif isinstance(first, int):
-            values[each.name] = sum(parts)
-        elif isinstance(first, float):
-            values[each.name] = max(parts)
-        else:
-            values[each.name] = parts[-1] if isinstance(first, Checkpoint) else first
-    return Motion(**values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +89,6 @@ class Walk:
         """Whether an event ended it."""
         return any(event.name == "overturned" for event in self.events)
 
-    # ---- the path
-
     @cached_property
     def position(self) -> Array:
         """Centre of mass, (s, 3) [mm]."""
@@ -182,8 +142,6 @@ class Walk:
         """Sideways advance per stroke, to the left."""
         side = (self.position - self.position[0]) @ self.ground.axes[2]
         return _mean(np.diff(np.interp(self.stroke_ends, self.times, side))[self.kept])
-
-    # ---- the shape
 
     @cached_property
     def tip_closing(self) -> Array:
@@ -247,8 +205,6 @@ class Walk:
         """Stroke as 6 frames a second show it, the first at the beginning of a stroke."""
         return self.camera_swing()
 
-    # ---- the feet
-
     @cached_property
     def foot_force(self) -> Array:
         """Mean force of the ground on each foot since the sample before: normal, forward, left, (s, f, 3) [mN]."""
@@ -298,8 +254,6 @@ class Walk:
     def foot_path(self) -> Array:
         """Middle of each sole, (s, f, 3) [mm]."""
         return np.stack([path(self.motion, sole) for sole in self.anatomy.soles], axis=1)
-
-    # ---- work
 
     @cached_property
     def muscle_force(self) -> Array:
@@ -372,8 +326,6 @@ class Walk:
         total = float(np.abs(np.diff(self.motion.energy("muscle"))).sum())
         return float(np.abs(self.motion.energy_error).max()) / total if total > 0.0 else math.nan
 
-    # ---- all together
-
     def summary(self) -> dict[str, Any]:
         """Every number with its unit in its key; None where a walk is too short for it."""
         found: dict[str, Any] = {
@@ -418,7 +370,7 @@ class Walk:
 
 @dataclass(frozen=True, eq=False)
 class _Still:
-    """What the measures read of a motion, for one state."""
+    """What measures read of a motion, of one state."""
 
     model: RodModel
     ground: Ground

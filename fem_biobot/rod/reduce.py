@@ -308,6 +308,6 @@ def _muscles(
 
 def _remodelled(parts: dict[str, Any]) -> list[Muscle]:
     """Muscles without passive stress in the shape to which their standing tension alone bends the free machine."""
-    standing = [replace(m, young=0.0, viscosity=0.0, passive=0.0, active=m.passive) for m in parts["members"]]
-    shape = floating(RodModel(**parts), standing)
+    slack = [replace(m, young=0.0, viscosity=0.0) for m in parts["members"]]
+    shape = floating(RodModel(**parts), members=slack)
     return [replace(m, rest_length=shape.muscle_length(m.name)) for m in parts["members"]]

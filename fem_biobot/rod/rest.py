@@ -1,7 +1,8 @@
 """Rest of a machine: the shape its muscles bend it to when it floats, and how it stands when put on the ground.
 
 A drawing has straight beams and soles at different heights; a machine that walks begins bent by its standing tension,
-on its feet. Both states are found by damped motion, which stays defined where feet stick and shapes are not unique.
+on its feet. The shape is static; how it stands is found by damped motion, since feet that stick leave more than one
+answer.
 """
 
 from __future__ import annotations
@@ -13,62 +14,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError, SolveError
-from fem_biobot.rod.dynamics.integrate import Settings, dynamics
+from fem_biobot.rod.build import Member
+from fem_biobot.rod.dynamics.integrate import Checkpoint, dynamics
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Gravity, Ground, Muscle
+from fem_biobot.rod.records import Gravity, Ground
+from fem_biobot.rod.statics import statics
 
 Array = NDArray[np.float64]
 
-# steps of backward Euler so long that inertia is a small part of each: nearly static, yet never singular
-_NEARLY_STATIC = Settings(dissipation=1e9)
-_RAMP, _STEPS, _STEP = 1.0, 20, 0.05
 _SETTLE_STEP, _SETTLE_SLICE, _SETTLE_DAMPING = 2e-3, 0.1, 5e-3
 _LONGEST_SETTLING = 20.0  # s
 # energy of motion relative to the weight's work over a micrometre, below which a machine stands
 _STILL = 1e-9
 
 
-def floating(model: RodModel, members: Sequence[Muscle] | None = None) -> RodState:
-    """Shape that the machine takes when it floats free, its muscles at drive 1 of the given members.
+def floating(model: RodModel, *, drive: float = 0.0, members: Sequence[Member] | None = None) -> RodState:
+    """Shape that the machine takes when it floats free: static equilibrium without weight and ground.
 
     Parameters
     ----------
     model
-        A machine; weight and ground are left out.
+        A machine.
+    drive
+        Of its muscles [1]; with 0 their standing tension acts alone.
     members
-        Muscles in place of the model's. By default the model's own with their standing tension.
+        In place of the model's.
 
     Returns
     -------
     RodState
-        At rest; of a model without weight and contact points, but with the nodes of `model` in their order.
+        Centre of mass and mean orientation as drawn; of a model of its own, with the nodes of `model`.
 
     Raises
     ------
     SolveError
-        A shape that is not found: an element that turns too far, muscles too strong.
+        A shape that is not found: muscles too strong for the beam.
     """
-    if members is None:
-        found = [m for m in model.members if isinstance(m, Muscle)]
-        members = [replace(m, passive=0.0, active=m.passive, viscosity=0.0, **_rest(model, m)) for m in found]
-    others = [m for m in model.members if not isinstance(m, Muscle)]
     weightless = [load for load in model.loads if not isinstance(load, Gravity)]
-    stiff = tuple(replace(rod, damping_time=0.0) for rod in model.rods)
-    free = RodModel(stiff, model.joints, model.bodies, model.supports, weightless, [*members, *others])
-    ramped = dynamics(
-        free,
-        _RAMP + _STEPS * _STEP,
-        _STEP,
-        drive=lambda t: min(t / _RAMP, 1.0),
-        sample_every=_STEPS,
-        settings=_NEARLY_STATIC,
-    )
-    end = ramped.state(-1)
-    return RodState(free, end.x, end.Q, drive=1.0)
-
-
-def _rest(model: RodModel, muscle: Muscle) -> dict[str, float]:
-    return {"rest_length": float(model.assembly.members.length[model.muscles[muscle.name]])}
+    pulling = model.members if members is None else members
+    free = RodModel(model.rods, model.joints, model.bodies, model.supports, weightless, pulling)
+    shape = statics(free, [1.0], drive=drive, free="hold").last
+    # the mean turn of the parts, by polar decomposition, is taken back
+    mass = free.assembly.inertia.mass
+    U, _, V = np.linalg.svd(np.einsum("n,nij->ij", mass, shape.Q))
+    turn = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    return replace(shape, x=(shape.x - shape.centre_of_mass) @ turn.T + free.drawn().centre_of_mass, Q=shape.Q @ turn.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,17 +145,11 @@ def stance(model: RodModel, ground: Ground) -> Stance:
     heavy = _damped(model)
     weight = float(np.linalg.norm(model.assembly.gravity)) * model.mass
     still = _STILL * max(weight, 1e-12) * 1e-3
-    time, state = 0.0, RodState(heavy, start.x, start.Q)
+    time = 0.0
+    begin: RodState | Checkpoint = RodState(heavy, start.x, start.Q)
     while True:
-        motion = dynamics(
-            heavy,
-            _SETTLE_SLICE,
-            _SETTLE_STEP,
-            ground=ground,
-            start=state,
-            sample_every=round(_SETTLE_SLICE / _SETTLE_STEP),
-        )
-        state = motion.state(-1)
+        motion = dynamics(heavy, _SETTLE_SLICE, _SETTLE_STEP, ground=ground, start=begin)
+        begin, state = motion.final, motion.state(-1)
         time += _SETTLE_SLICE
         energy = float(motion.energy("kinetic")[len(motion.times) // 2 :].max())
         if energy <= still:

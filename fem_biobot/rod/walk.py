@@ -9,18 +9,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import fields, replace
-from typing import Any
-
-import numpy as np
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.muscle.drive import waveform as drive_waveform
-from fem_biobot.rod.anatomy import anatomy, muscle_forces, path, sole_gaps, uprightness
-from fem_biobot.rod.contact.kernels import LIFTED
+from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion, Settings, dynamics
-from fem_biobot.rod.gait import Event, Walk, joined
+from fem_biobot.rod.events import Event, cut, fall, happened, joined
+from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.records import Ground
 from fem_biobot.rod.reduce import ground_of, reduce
@@ -28,7 +24,6 @@ from fem_biobot.rod.rest import Stance, stance
 
 _SAMPLES = 100  # at least, in a stroke, where the step allows it
 _TRANSIENT = 1.0  # s, in whole strokes, left out of means; at most half of the walk
-_UPRIGHT = 0.5  # cosine of the tilt at which a machine has fallen
 
 
 def walk(
@@ -46,6 +41,7 @@ def walk(
     sample_every: int | None = None,
     settings: Settings | None = None,
     start: Stance | RodState | Checkpoint | None = None,
+    rest: Stance | None = None,
     listener: Callable[[float], None] | None = None,
     keeper: Callable[[Motion], None] | None = None,
 ) -> Walk:
@@ -69,6 +65,8 @@ def walk(
     start
         By default the machine first takes its standing shape and settles (`stance`). A `Stance` of the same model saves
         that; a `RodState` is begun from as it is; a `Checkpoint` (``motion.final``) goes on from where it was.
+    rest
+        With another start: the stance that stroke and sagitta are measured from; by default the first sample.
     listener
         Told the time reached after each sample [s].
     keeper
@@ -104,6 +102,7 @@ def walk(
     drive = drive_waveform(waveform, frequency, amplitude)
     stood = start if isinstance(start, Stance) else stance(model, ground) if start is None else None
     begin = stood.state if stood is not None else start
+    stood = stood or rest
     if sample_every is None:
         sample_every = _sampling(round(1.0 / (frequency * step)))
     first = begin.time if isinstance(begin, Checkpoint) else 0.0
@@ -134,15 +133,15 @@ def walk(
             )
         except SolveError as error:
             motions.append(error.best)
-            so_far = made(_events(joined(motions)))
+            so_far = made(happened(joined(motions)))
             raise SolveError(f"walk: {error}", best=so_far, reason=error.reason) from None
-        fallen = _fall(motion)
-        motions.append(motion if fallen is None else _cut(motion, fallen))
+        fallen = fall(motion)
+        motions.append(motion if fallen is None else cut(motion, fallen))
         if keeper is not None:
             keeper(motions[-1])
         if fallen is not None:
             break
-    return made(_events(joined(motions)))
+    return made(happened(joined(motions)))
 
 
 def _first(value: float | None, default: float) -> float:
@@ -180,48 +179,3 @@ def _strokes(first: float, duration: float, frequency: float, step: float) -> li
             counts.append(end - done)
             done = end
     return counts
-
-
-def _fall(motion: Motion) -> int | None:
-    """First sample that shows the machine fallen."""
-    found = anatomy(motion.model)
-    fallen = uprightness(motion, found) < _UPRIGHT
-    assert motion.ground is not None
-    normal, height = motion.ground.axes[0], motion.ground.height
-    for spot in (found.start, found.end, found.crown):
-        if spot is not None:
-            fallen |= path(motion, spot) @ normal <= height
-    fallen |= ~np.isfinite(motion.x).all(axis=(1, 2))
-    return int(fallen.argmax()) if fallen.any() else None
-
-
-def _cut(motion: Motion, last: int) -> Motion:
-    """The motion up to a sample; its checkpoint and counts stay those of its end."""
-    columns = {f.name: getattr(motion, f.name) for f in fields(Motion)}
-    return replace(motion, **{k: v[: last + 1] for k, v in columns.items() if isinstance(v, np.ndarray)})
-
-
-def _events(motion: Motion) -> tuple[Event, ...]:
-    found = anatomy(motion.model)
-    times, events = motion.times, []
-
-    def note(name: str, shows: Any, text: str) -> None:
-        if shows.any():
-            t = float(times[int(shows.argmax())])
-            events.append(Event(name, t, f"{text} at {t:.4g} s"))
-
-    fallen = _fall(motion)
-    if fallen is not None:
-        t = float(times[fallen])
-        events.append(Event("overturned", t, f"the machine overturned at {t:.4g} s; the walk ends there"))
-    force = muscle_forces(motion, found)
-    for column, k in enumerate(found.muscles):
-        note("slack", force[:, column] < 0.0, f"muscle {motion.model.members[k].name} goes slack")  # type: ignore[union-attr]
-    gaps = sole_gaps(motion, found)
-    for k in range(gaps.shape[1]):
-        note("touching", gaps[:, k] <= 0.0, f"{found.feet[k]} and {found.feet[k + 1]} touch each other")
-    lifted = np.stack([(motion.touch[:, c] == LIFTED).all(axis=1) for c in found.corners], axis=1)
-    for k, name in enumerate(found.feet):
-        note("lifted", lifted[:, k], f"{name} leaves the ground for the first time")
-    note("flight", lifted.all(axis=1), "no foot touches the ground for the first time")
-    return tuple(sorted(events, key=lambda event: event.time))

@@ -1,4 +1,4 @@
-"""Files for ParaView and pyvista: `.vtu` bodies and the `.pvd` that lists them over time.
+"""Files for ParaView and pyvista: `.vtu` bodies, `.vtp` surfaces and lines, and the `.pvd` that lists them over time.
 
 Needs meshio and no renderer, so it works on a machine without graphics. Works on plain arrays; knows nothing of designs
 or solvers. Also holds the array work that drawing and writing share: nodes doubled where two regions meet, element
@@ -7,8 +7,10 @@ means carried to nodes, and the outer surface of quadratic tetrahedra.
 
 from __future__ import annotations
 
+import base64
 import itertools
 import os
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import FileError
-from fem_biobot.files import replacing, write_text
+from fem_biobot.files import replacing, write_bytes, write_text
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,6 +29,15 @@ Ints = NDArray[np.int64]
 _CELL_TYPES = {4: "tetra", 10: "tetra10"}
 # outward facets of a positively oriented tetrahedron: corners a, b, c, then the nodes between a-b, b-c and c-a
 _FACETS = np.array([[0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [2, 0, 3, 6, 7, 9], [0, 2, 1, 6, 5, 4]])
+_VTK_TYPES = {
+    "f8": "Float64",
+    "f4": "Float32",
+    "i8": "Int64",
+    "i4": "Int32",
+    "i2": "Int16",
+    "i1": "Int8",
+    "u1": "UInt8",
+}
 _QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 
@@ -101,7 +112,112 @@ def _vtk_rows(path: str | os.PathLike[str], name: str, values: NDArray[Any], cou
         raise FileError(f"{path}: field {name} has {bad} values that are not finite")
     if values.ndim == 1:
         return np.ascontiguousarray(values)
-    return np.ascontiguousarray(values.reshape(-1, count).T)
+    return np.ascontiguousarray(values.reshape(int(np.prod(values.shape[:-1])), count).T)
+
+
+def write_vtp(
+    path: str | os.PathLike[str],
+    points: NDArray[Any],
+    polys: NDArray[Any] | Sequence[NDArray[Any]] = (),
+    *,
+    lines: Sequence[NDArray[Any]] = (),
+    vertices: NDArray[Any] | None = None,
+    point_data: Mapping[str, NDArray[Any]] | None = None,
+    cell_data: Mapping[str, NDArray[Any]] | None = None,
+    names: Mapping[str, Sequence[str]] | None = None,
+) -> None:
+    """Write polygons, lines and single points with their fields as a compressed binary `.vtp`.
+
+    Parameters
+    ----------
+    path
+        The file; whole or not at all. The same arrays give the same bytes.
+    points
+        Positions, (3, n) [mm].
+    polys
+        Nodes of each polygon, (k, f), counter-clockwise from outside; or several such arrays, of triangles and of
+        quadrilaterals, say.
+    lines
+        Nodes of each polygonal line, (k,).
+    vertices
+        Nodes shown as single points, (v,).
+    point_data, cell_data
+        As in `write_vtu`; cells are counted vertices first, then lines, then polygons.
+    names
+        Lists of words, which ParaView shows as field data: what the numbers of a field stand for.
+
+    Raises
+    ------
+    FileError
+        A shape does not fit, a name has a blank, a value is not finite, or the file cannot be written.
+    """
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[0] != 3:
+        raise FileError(f"{path}: points have shape {points.shape}, expected (3, n)")
+    n = points.shape[1]
+    blocks = [np.asarray(block) for block in ([polys] if isinstance(polys, np.ndarray) else polys)]
+    if any(block.ndim != 2 or len(block) < 3 for block in blocks):
+        raise FileError(f"{path}: polys have shape {[b.shape for b in blocks]}, expected (k, f) with k of at least 3")
+    rows = [np.asarray(line) for line in lines]
+    if any(row.ndim != 1 or len(row) < 2 for row in rows):
+        raise FileError(f"{path}: lines have shape {[r.shape for r in rows]}, expected (k,) with k of at least 2")
+    single = np.zeros(0, dtype=np.int64) if vertices is None else np.asarray(vertices)
+    kinds = {
+        "Verts": (single, np.ones(single.size)),
+        "Lines": (np.concatenate([[], *rows]), np.array([len(row) for row in rows])),
+        "Polys": (
+            np.concatenate([[], *(block.T.ravel() for block in blocks)]),
+            np.concatenate([[], *(np.full(block.shape[1], len(block)) for block in blocks)]),
+        ),
+    }
+    for kind, (nodes, _) in kinds.items():
+        if nodes.size and (nodes.min() < 0 or nodes.max() >= n):
+            found = f"{nodes.max():.0f} (lowest {nodes.min():.0f})"
+            raise FileError(f"{path}: {kind.lower()} name point {found}, expected 0 to {n - 1}")
+    n_cells = sum(counts.size for _, counts in kinds.values())
+    parts = [f"<FieldData>{_words(path, names or {})}</FieldData>"]
+    sizes = " ".join(f'NumberOf{kind}="{counts.size}"' for kind, (_, counts) in kinds.items())
+    parts.append(f'<Piece NumberOfPoints="{n}" {sizes} NumberOfStrips="0">')
+    for tag, data, count in (("PointData", point_data, n), ("CellData", cell_data, n_cells)):
+        arrays = [_data_array(name, _vtk_rows(path, name, v, count)) for name, v in (data or {}).items()]
+        parts.append(f"<{tag}>{''.join(arrays)}</{tag}>")
+    parts.append(f"<Points>{_data_array('Points', _vtk_rows(path, 'points', points, n))}</Points>")
+    for kind, (nodes, counts) in kinds.items():
+        where = _data_array("connectivity", nodes.astype(np.int64))
+        ends = _data_array("offsets", np.cumsum(counts).astype(np.int64))
+        parts.append(f"<{kind}>{where}{ends}</{kind}>")
+    head = (
+        '<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
+        'header_type="UInt64" compressor="vtkZLibDataCompressor">\n<PolyData>'
+    )
+    text = "\n".join([head, *parts, "</Piece>\n</PolyData>\n</VTKFile>\n"])
+    write_bytes(path, text.encode("utf-8"))
+
+
+def _data_array(name: str, rows: NDArray[Any]) -> str:
+    """A field in VTK's XML: one compressed block in base64, after its sizes."""
+    kind = rows.dtype.kind + str(rows.dtype.itemsize)
+    if kind not in _VTK_TYPES:
+        rows, kind = (rows.astype(np.int64), "i8") if rows.dtype.kind in "iu" else (rows.astype(float), "f8")
+    raw = rows.astype(rows.dtype.newbyteorder("<"), copy=False).tobytes()
+    block = zlib.compress(raw, 6)
+    header = np.array([1, len(raw), 0, len(block)] if raw else [0, 0, 0], dtype="<u8").tobytes()
+    data = (base64.b64encode(header) + (base64.b64encode(block) if raw else b"")).decode("ascii")
+    width = rows.shape[1] if rows.ndim == 2 else 1
+    kind, label = _VTK_TYPES[kind], quoteattr(name)
+    return f'<DataArray type="{kind}" Name={label} NumberOfComponents="{width}" format="binary">{data}</DataArray>'
+
+
+def _words(path: str | os.PathLike[str], names: Mapping[str, Sequence[str]]) -> str:
+    """Lists of words in VTK's XML: their bytes as numbers, a zero after each word."""
+    out = []
+    for name, words in names.items():
+        if not name or any(c.isspace() for c in name):
+            raise FileError(f"{path}: list of names {name!r}, expected one word")
+        numbers = " ".join(str(byte) for word in words for byte in (*word.encode("utf-8"), 0))
+        head = f'type="String" Name={quoteattr(name)} NumberOfTuples="{len(words)}" format="ascii"'
+        out.append(f"<Array {head}>{numbers}</Array>")
+    return "".join(out)
 
 
 def write_pvd(path: str | os.PathLike[str], entries: Sequence[tuple[float, str]]) -> None:

@@ -23,7 +23,7 @@ def arc(n: int, radius: float, angle: float) -> np.ndarray:
 
 
 def rod_of(points: Any, stiffness: Sequence[float], *, mass_per_length: float = 0.0, **more: Any) -> Rod:
-    """A rod of the section stiffnesses GA1, GA2, EA [mN], EI1, EI2, GJ [mN mm^2]; rotary inertia goes with E I / E A."""
+    """A rod of stiffnesses GA1, GA2, EA [mN], EI1, EI2, GJ [mN mm^2]; its rotary inertia goes with E I / E A."""
     GA1, GA2, EA, EI1, EI2, GJ = stiffness
     section = Section.given(EA, EI1, EI2, GJ, shear_factors=(GA1 / EA, GA2 / EA))
     return Rod(points, section, RodMaterial(young=1.0, density=mass_per_length / EA, shear_modulus=1.0), **more)

@@ -18,6 +18,10 @@ from fem_biobot.rod.sparse import Factors, SingularError, pattern
 Array = NDArray[np.float64]
 
 _HALVINGS = 10
+# halvings spent on staying stable; beyond, an unstable equilibrium is accepted and says so
+_CAUTION = 5
+# iterations allowed where a step cannot be halved, over the usual number
+_PATIENCE = 4
 # a support turns by no more in one step [rad], and moves by no more of the model's extent
 _LONGEST_TURN = 0.7
 _LONGEST_MOVE = 0.1
@@ -50,6 +54,7 @@ class LoadPath:
     descents: int = 0
     counts: Counts = field(default_factory=Counts)
     hint: str = ""
+    stable: bool | None = True
     _problem: Problem | None = None
 
     @property
@@ -91,17 +96,24 @@ class LoadPath:
         goals = [(load, tension)]
         n = self._pieces(begin[0], load)
         goals += [_between(begin, (load, tension), k / n) for k in range(n - 1, 0, -1)]
-        halved = 0
+        halved = strayed = 0
         residual = 0.0
         while goals:
             goal = goals[-1]
-            tolerance = self.settings.tolerance if len(goals) == 1 else _ROUGH
+            here, at = (self.load, self.tension), self.at
             try:
-                residual = self._step(goal, tolerance)
+                residual = self._step(goal, self.settings.tolerance if len(goals) == 1 else _ROUGH)
+                stable = settled(self.problem, self.given(*goal), self.at)
+                if self.stable and not stable and here != goal and strayed < _CAUTION:
+                    # Newton may have left the stable branch for another; a shorter step tells
+                    strayed += 1
+                    (self.load, self.tension), self.at = here, at
+                    goals.append(_between(here, goal, 0.5))
+                    continue
+                self.stable = stable
             except StepFailedError as failure:
                 halved += 1
                 self.halvings += 1
-                here = (self.load, self.tension)
                 self.settings.listener("halved", {"load": goal[0], "tension": goal[1]})
                 if halved > _HALVINGS or here == goal or "singular" in str(failure):
                     residual = self._fall(goals[0], str(failure))
@@ -109,7 +121,6 @@ class LoadPath:
                 goals.append(_between(here, goal, 0.5))
                 continue
             goals.pop()
-        stable = settled(self.problem, self.given(load, tension), self.at)
         n, joints = len(self.at.x), len(self.at.multiplier)
         return RodState(
             self.model,
@@ -121,14 +132,18 @@ class LoadPath:
             self.at.multiplier.copy().reshape(joints, 6),
             load,
             tension,
-            stable,
+            self.stable,
             residual,
         )
 
     def _step(self, goal: tuple[float, float], tolerance: float) -> float:
         given = self.given(*goal)
         lift = self._lift(goal[0])
-        self.at, _, residual = newton(replace(self.problem, tolerance=tolerance), given, self.at, lift)
+        problem = replace(self.problem, tolerance=tolerance)
+        guessed = goal == (self.load, self.tension)
+        if guessed:
+            problem = replace(problem, max_iterations=_PATIENCE * problem.max_iterations)
+        self.at, _, residual = newton(problem, given, self.at, lift, guessed=guessed)
         self.load, self.tension = goal
         return residual
 
@@ -139,11 +154,13 @@ class LoadPath:
         given = self.given(*goal)
         try:
             near = descend(self.problem, given, self.at)
-            self.at, _, residual = newton(self.problem, given, near)
+            patient = replace(self.problem, max_iterations=_PATIENCE * self.problem.max_iterations)
+            self.at, _, residual = newton(patient, given, near)
         except StepFailedError:
             raise StepFailedError(why) from None
         self.descents += 1
         self.load, self.tension = goal
+        self.stable = settled(self.problem, given, self.at)
         return residual
 
     def _pieces(self, begin: float, end: float) -> int:

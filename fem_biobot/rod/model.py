@@ -155,7 +155,8 @@ class RodState:
     load, tension
         Factors on the loads and on the muscles' tension [1]; other than 1 on the way of `statics` only.
     stable
-        Of an equilibrium: whether every small motion that supports and joints allow costs energy; None if not known.
+        Of an equilibrium: whether no small motion that supports and joints allow sets energy free; one that costs
+        nothing (a turn about an axis of symmetry) does no harm. None if not known.
     residual
         Of an equilibrium: largest force out of balance over the largest force [1].
     """

@@ -74,7 +74,9 @@ class Problem:
         return float(force), float(np.abs(gaps / np.array([*[given.extent] * 3, 1.0, 1.0, 1.0])).max(initial=0.0))
 
 
-def newton(problem: Problem, given: Conditions, at: Point, lift: Array | None = None) -> tuple[Point, Forces, float]:
+def newton(
+    problem: Problem, given: Conditions, at: Point, lift: Array | None = None, *, guessed: bool = False
+) -> tuple[Point, Forces, float]:
     """Equilibrium from a trial point.
 
     Parameters
@@ -83,6 +85,8 @@ def newton(problem: Problem, given: Conditions, at: Point, lift: Array | None = 
         What to solve, what acts, where to begin.
     lift
         Motion still to be made by held nodes, (n, 6); it goes into the first linear step with its effect on the others.
+    guessed
+        The trial point comes from no equilibrium.
 
     Returns
     -------
@@ -96,7 +100,10 @@ def newton(problem: Problem, given: Conditions, at: Point, lift: Array | None = 
     """
     model = problem.model
     forces = out_of_balance(model, given, at)
-    s_geo = forces.s
+    s_geo = forces.s.copy()
+    if guessed:
+        # the stretch of a guess says nothing of the answer's forces
+        s_geo[:, :3] = 0.0
     first = last = norm = np.inf
     scale = 1.0
     tiny = False

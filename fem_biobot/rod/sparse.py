@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, eye_array
 from scipy.sparse.linalg import splu
 
 from fem_biobot.rod.arrays import Assembly
@@ -30,6 +30,8 @@ Ints = NDArray[np.int64]
 _COMPLIANCE = 1e-10
 # stiffness of joints' rows against that of the nodes, where definiteness is looked at
 _WEIGHT = 10.0
+# stiffness that rounding may leave to a motion that costs nothing
+_NEUTRAL = 2e-14
 
 
 class SingularError(Exception):
@@ -179,13 +181,13 @@ def negative_motions(matrix: csc_matrix, joint: NDArray[np.bool_]) -> int:
     """Number of independent motions, among those that joints allow, along which a symmetric stiffness is negative.
 
     By the signs of the pivots of ``K + w G^T G``, which is positive exactly where K is on the joints' motions once the
-    weight w exceeds what is negative in K.
+    weight w exceeds what is negative in K. Motions that cost nothing are not counted.
     """
     if joint.all():
         return 0
     scaled, _ = _scaled(matrix, joint)
     G = scaled[joint][:, ~joint]
-    K = (scaled[~joint][:, ~joint] + _WEIGHT * (G.T @ G)).tocsc()
+    K = (scaled[~joint][:, ~joint] + _WEIGHT * (G.T @ G) + _NEUTRAL * eye_array(G.shape[1])).tocsc()
     try:
         lu = splu(K, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:

@@ -121,7 +121,8 @@ def statics(
     RodSolution
         States with their multipliers. An equilibrium that is not stable is returned, and says so (`RodState.stable`):
         on the straight branch of a column beyond its buckling load, for example, from which only a perturbation leads
-        away. A snap-through lands on the other side of the jump.
+        away; steps are halved a few times before, to stay on a stable branch. A snap-through lands on the other side
+        of the jump.
 
     Raises
     ------
@@ -204,7 +205,7 @@ def _path(model: RodModel, settings: Settings, start: RodState | None) -> LoadPa
         return LoadPath(model, settings, at)
     _, at = of_state(start)
     at = Point(at.x.copy(), at.Q.copy(), at.multiplier.copy())
-    return LoadPath(model, settings, at, start.load, start.tension)
+    return LoadPath(model, settings, at, start.load, start.tension, stable=start.stable)
 
 
 def _refuse_resultant(path: LoadPath, step: RodStep) -> None:

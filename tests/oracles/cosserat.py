@@ -72,7 +72,7 @@ def cantilever_tip(
 
 
 def follower_tip(length: float, bending: float, tip_force: Sequence[float]) -> Array:
-    """Tip (along the clamp's tangent, and across), (2,), of a plane inextensible cantilever whose tip force turns along.
+    """Tip, along and across the clamp's tangent, (2,), of a plane inextensible cantilever whose tip force turns along.
 
     `tip_force` has components along and across the tip's tangent. Seen from the tip, where there is no moment, it is
     an initial value problem.

@@ -1,0 +1,167 @@
+"""R8 and relatives: buckling, post-buckling and snap-through of rods.
+
+Problem: Euler's column before and after its load; a shallow truss; a twisted rod with slack that buckles into a helix.
+Exact answer and its source: Euler's load and the elliptic integrals of the elastica; the truss in closed form; the
+localised solution of a long twisted rod (Gazzola et al. 2018, whose moment and tension VERIFICATION prints).
+What is measured: where the smallest stiffness changes sign; the states beyond.
+Tolerance and why: order 2 and its limit.
+What it cannot see: dynamics of the jump; whether the helix would touch itself.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+from scipy.special import ellipe, ellipk
+
+from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.rod.records import Body, Hold, PointLoad, Spring
+from fem_biobot.rod.statics import reaction, statics
+from tests.helpers import slope
+from tests.rods import rod_of, stiff, straight
+
+TIP = ("rod", -1)
+
+
+def _column(n: int, load: float, aside: float = 0.0, other: float = 1e8) -> RodModel:
+    push = PointLoad(TIP, force=(-load, aside, 0.0))
+    return RodModel([rod_of(straight(n), stiff(twist=0.7, other=other))], supports=[Hold(("rod", 0))], loads=[push])
+
+
+def _critical(n: int) -> float:
+    """Load at which the straight column loses its stability, by bisection."""
+    low, high = 2.0, 3.0
+    while high - low > 1e-8:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if statics(_column(n, middle, other=1e6)).stable else (low, middle)
+    return low
+
+
+def test_a_column_is_stable_up_to_eulers_load() -> None:
+    """The sign of the smallest stiffness changes at a load that converges at order 2 to pi^2 / 4.
+
+    Stretch changes it by P / E A, 2.5e-6.
+
+    Catches: geometric stiffness with the wrong sign or factor, signs of pivots counted wrongly.
+    """
+    exact = np.pi**2 / 4
+    found = [_critical(n) for n in (6, 12, 24)]
+    assert slope([4.0, 2.0, 1.0], [abs(f - exact) for f in found]) == pytest.approx(2.0, abs=0.05)
+    assert found[-1] + (found[-1] - found[-2]) / 3 == pytest.approx(exact, rel=1e-5)
+
+
+@pytest.mark.parametrize("alpha", [0.7, 2.0])
+def test_a_column_beyond_eulers_load_finds_the_elastica(alpha: float) -> None:
+    """Pushed aside and let go, it rests on the buckled branch, whose tip turned by alpha is known; both are reported.
+
+    With k = sin(alpha / 2): load (2 K / pi)^2 of Euler's, tip at 2 E / K - 1 along and 2 k / K across.
+
+    Catches: a post-buckled state refused, the straight one called stable.
+    """
+    m = np.sin(alpha / 2) ** 2
+    load, along, across = ellipk(m) ** 2, 2 * ellipe(m) / ellipk(m) - 1, 2 * np.sqrt(m) / ellipk(m)
+    tips = []
+    for n in (20, 40):
+        model = _column(n, load)
+        assert not statics(model).stable
+        aside = statics(_column(n, load, aside=0.1)).last
+        begin = RodState(model, aside.x, aside.Q)
+        state = statics(model, start=begin).last
+        assert state.stable
+        tips.append(state.at(TIP))
+    limit = tips[1] + (tips[1] - tips[0]) / 3
+    np.testing.assert_allclose(limit, [along, across, 0.0], rtol=0.0, atol=3e-5)
+
+
+def test_a_shallow_truss_snaps_through() -> None:
+    """Beyond its limit load the truss rests on the other side, where its two springs carry the load in tension.
+
+    Catches: a fold taken for a failure, a state between, the jump landing on an unstable branch.
+    """
+    half, height, k = 3.0, 0.8, 5.0
+    free = np.hypot(half, height)
+    block = Body((0.0, 0.0, height), 1.0, (1.0, 1.0, 1.0))
+    top = ("body", (0.0, 0.0, height))
+    springs = [Spring(top, (side * half, 0.0, 0.0), k) for side in (-1.0, 1.0)]
+
+    def force(z: float) -> float:
+        return 2 * k * (free / np.hypot(half, z) - 1.0) * z
+
+    # the fold: d force / dz = 0 at (half^2 + z^2)^(3/2) = free half^2
+    fold = np.sqrt((free * half**2) ** (2 / 3) - half**2)
+    rail = Hold(top, translation="xy")
+    model = RodModel(
+        bodies=[block], supports=[rail], members=springs, loads=[PointLoad(top, force=(0.0, 0.0, -force(fold)))]
+    )
+    found = statics(model, [0.9, 1.2])
+    for state, factor, (low, high) in zip(found.states, (0.9, 1.2), ((fold, height), (-5.0, -height)), strict=True):
+        z = brentq(lambda z, by=factor: force(z) - by * force(fold), low, high, xtol=1e-14)
+        np.testing.assert_allclose(state.at(top), [0.0, 0.0, z], rtol=0.0, atol=1e-9)
+        assert state.stable
+    assert found.descents == 1
+
+
+L, B, C, SLACK, TURNS = 100.0, 1.345, 0.789, 3.0, 27.0
+M, T = 98.541496171190744, 2900.993205792131
+
+
+def _theta(s: np.ndarray) -> np.ndarray:
+    """Angle of the tangent to the axis in the localised solution, s from -1/2 to 1/2."""
+    t = 1.0 - M * M / (4.0 * T)
+    return np.arccos(1.0 - 2.0 * t / np.cosh(s * np.sqrt(T * t)) ** 2)
+
+
+@cache
+def _helix(n: int) -> RodState:
+    """Equilibrium near the localised solution, ends held 97 apart and turned by 27 turns."""
+
+    def along(s: float, y: np.ndarray) -> np.ndarray:
+        theta = _theta(np.array(s))
+        turn = M / (1.0 + np.cos(theta))
+        tangent = [np.sin(theta) * np.cos(y[3]), np.sin(theta) * np.sin(y[3]), np.cos(theta)]
+        # twist M / C all along
+        return np.array([*tangent, turn, M * B / C - turn * np.cos(theta)])
+
+    s = np.linspace(-0.5, 0.5, n + 1)
+    x, y, z, psi, phi = solve_ivp(along, (-0.5, 0.5), np.zeros(5), t_eval=s, rtol=1e-9, atol=1e-11).y
+    theta = _theta(s)
+    theta[[0, -1]] = 0.0
+    R = Rotation.from_euler("ZYZ", np.stack([psi, theta, phi], axis=1)).as_matrix()
+    R[-1] = Rotation.from_rotvec([0.0, 0.0, 2 * np.pi * TURNS]).as_matrix()
+    points = L * np.stack([x, y, z], axis=1)
+    points[0], points[-1] = 0.0, [0.0, 0.0, L - SLACK]
+    rod = rod_of(straight(n, L, (0.0, 0.0, 1.0)), (1e7, 1e7, 1e7, B, B, C), normal=(1.0, 0.0, 0.0))
+    model = RodModel([rod], supports=[Hold(("rod", 0)), Hold(TIP)])
+    # rows are the directors; drawn, they are the axes
+    begin = RodState(model, points, np.ascontiguousarray(np.swapaxes(R, 1, 2)))
+    return statics(model, start=begin).last
+
+
+def test_r8_a_twisted_rod_buckles_into_the_localised_helix() -> None:
+    """Moment and tension at the ends, and the envelope of the tangent's angle, converge to the analytical ones.
+
+    The clamp at s = +-1/2 changes the infinite rod's answer by exp(-2 * 10.9) only.
+
+    Catches: twist that does not travel through large turns, bending and twist exchanged, elements that lose turns.
+    """
+    ends, angles = [], []
+    for n in (100, 200, 400):
+        state = _helix(n)
+        end = reaction(state, TIP)
+        ends.append(np.array([end[5] * L / B, end[2] * L**2 / B]))
+        angles.append(np.arccos(np.clip(state.directors("rod")[:, 2, 2], -1.0, 1.0))[:: n // 100])
+    exact = np.array([M, T])
+    errors = [float(np.linalg.norm(e / exact - 1.0)) for e in ends]
+    assert slope([4.0, 2.0, 1.0], errors) == pytest.approx(2.0, abs=0.15)
+    limit = ends[-1] + (ends[-1] - ends[-2]) / 3
+    np.testing.assert_allclose(limit, exact, rtol=5e-4)
+    expected = _theta(np.linspace(-0.5, 0.5, 101))
+    envelope = angles[-1] + (angles[-1] - angles[-2]) / 3
+    # in the tail the angle is tiny and its arccosine loses half the digits
+    np.testing.assert_allclose(envelope, expected, rtol=0.0, atol=2e-3 * expected.max())
+    assert np.abs(angles[-1] - expected).max() < 0.015 * expected.max()

@@ -66,6 +66,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors and
 AsJson = Annotated[bool, typer.Option("--json", help="Print the summary alone, as JSON; all else on standard error.")]
 Force = Annotated[bool, typer.Option("--force", help="Redo a result that is there, also another design's.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Insist on going on from an unfinished result.")]
+NoWalk = Annotated[bool, typer.Option("--no-walk", help="Leave out the walking.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 
@@ -128,20 +129,51 @@ def _solving(complete: bool, text: str) -> Callable[..., Job]:
         as_json: AsJson = False,
         force: Force = False,
         resume: Resume = False,
+        no_walk: NoWalk = False,
         debug: Debug = False,
     ) -> Job:
-        if force and resume:
-            raise OptionError("--resume: found together with --force, expected one of them")
+        _check_one_way(force, resume)
         _check_options(mesh, rename, size)
-        order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force, resume)
+        order = jobs.Order(
+            design, out, size, mesh, rename or (), sets or (), quiet, as_json, force, resume, complete and not no_walk
+        )
         return partial(jobs.solve, order, complete)
 
     command.__doc__ = text
     return command
 
 
+@app.command("walk")
+def _walk_command(
+    design: DesignName,
+    frequency: Annotated[
+        list[str] | None,
+        typer.Option("--frequency", metavar="HZ", help="Strokes per second, such as 2Hz; repeat it for a sweep."),
+    ] = None,
+    duration: Annotated[
+        str | None, typer.Option("--duration", metavar="S", help="Driven time of each walk, such as 10s.")
+    ] = None,
+    amplitude: Annotated[
+        str | None,
+        typer.Option("--amplitude", metavar="SHARE", help="Largest drive, or paper for the forces of its simulation."),
+    ] = None,
+    model: Annotated[str, typer.Option("--model", metavar="MODEL", help="Which model walks: rod.")] = "rod",
+    out: Out = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    resume: Resume = False,
+    debug: Debug = False,
+) -> Job:
+    """Walk a design over its ground: steps, speed, foot forces, work, with plots and an animation."""
+    _check_one_way(force, resume)
+    order = jobs.Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force, resume=resume)
+    return partial(jobs.walk, order, jobs.WalkOrder(frequency or (), duration, amplitude, model))
+
+
 app.command("solve")(_solving(False, "Solve for the states of a design: tables, VTK files and summary, no pictures."))
-app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estimate, comparison, pictures, report."))
+app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estimate, walking, comparison, report."))
 
 
 @app.command("doctor")
@@ -185,6 +217,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         if "--debug" in arguments:
             traceback.print_exception(error)
         print(f"{PROGRAM}: {_one_line(text)}", file=sys.stderr)  # noqa: T201
+        try:
+            sys.stdout.flush()
+        except OSError:
+            # what is left in the buffer cannot be written; the interpreter's last flush would change the exit code
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return code
 
 
@@ -242,6 +279,11 @@ def _stopped_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _check_one_way(force: bool, resume: bool) -> None:
+    if force and resume:
+        raise OptionError("--resume: found together with --force, expected one of them")
 
 
 def _check_options(mesh: Path | None, rename: Sequence[str] | None, size: str | None) -> None:

@@ -23,6 +23,7 @@ from fem_biobot.files import file_error, write_text
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
+    from fem_biobot.study.walking import WalkPlan
 
 _BARE_NUMBER = re.compile(r"\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*")
 
@@ -41,6 +42,17 @@ class Order:
     json: bool = False
     force: bool = False
     resume: bool = False
+    walks: bool = True
+
+
+@dataclass(frozen=True)
+class WalkOrder:
+    """What the options of `walk` say beside an `Order`."""
+
+    frequencies: Sequence[str] = ()
+    duration: str | None = None
+    amplitude: str | None = None
+    model: str = "rod"
 
 
 def solve(order: Order, complete: bool) -> int:
@@ -65,6 +77,7 @@ def solve(order: Order, complete: bool) -> int:
                 force=order.force,
                 resume=order.resume,
                 complete=complete,
+                walks=order.walks,
                 reporter=reporter,
             )
             # those of a result that was there already have been told to nobody yet
@@ -84,12 +97,80 @@ def solve(order: Order, complete: bool) -> int:
     return 0
 
 
+def walk(order: Order, walking: WalkOrder) -> int:
+    """Walk a design over its ground."""
+    from fem_biobot.config import load_design
+
+    design, plan = load_design(order.design, order.sets), walk_plan(order, walking)
+    folder = result_folder(design, order.out or Path("runs") / f"{_safe(design.name)}_walk")
+
+    from fem_biobot.progress import reporting, show_tables
+    from fem_biobot.results import walk_table, where_to_look
+    from fem_biobot.study.walking import walk_design
+
+    try:
+        with _standard_output_free(order.json), reporting(order.quiet) as reporter:
+            summary = walk_design(design, folder, plan, force=order.force, resume=order.resume, reporter=reporter)
+            for note in summary["notes"]:
+                reporter.note(note)
+    except SolveError as failure:
+        raise SolveError(f"{failure}; what was reached is in {folder}", failure.best) from failure
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{folder}: files are whole, the same command goes on from there") from None
+    if order.json:
+        _print_json(summary)
+    elif order.quiet:
+        _say(str(folder))
+    else:
+        show_tables([walk_table(summary["walks"])])
+        _say("", *where_to_look(folder))
+    return 0
+
+
+def walk_plan(order: Order, walking: WalkOrder) -> WalkPlan:
+    """Frequencies, duration and amplitude of the options, with the design's where there are none."""
+    from fem_biobot.config import load_design
+    from fem_biobot.study.walking import WalkPlan
+    from fem_biobot.units import parse_quantity, shown
+
+    if walking.model != "rod":
+        raise DesignError(f"--model: found {walking.model}, expected rod: the solid does not walk yet")
+
+    def number(text: str, unit: str, option: str) -> float:
+        value = parse_quantity(f"{text.strip()} {unit}" if _BARE_NUMBER.fullmatch(text) else text, unit, option)
+        if not value > 0.0:
+            raise DesignError(f"{option}: found {shown(text)}, expected above 0 {unit}")
+        return value
+
+    drive = load_design(order.design, order.sets).drive
+    frequencies = tuple(
+        number(part, "Hz", "--frequency") for text in walking.frequencies for part in text.split(",") if part.strip()
+    )
+    duration = drive.duration if walking.duration is None else number(walking.duration, "s", "--duration")
+    amplitude: float | None = drive.amplitude
+    if walking.amplitude == "paper":
+        amplitude = None
+    elif walking.amplitude is not None:
+        try:
+            amplitude = float(walking.amplitude)
+        except ValueError:
+            amplitude = -1.0
+        if not 0.0 <= amplitude < float("inf"):
+            raise DesignError(
+                f"--amplitude: found {shown(walking.amplitude)}, expected a number of at least 0, or paper for the "
+                "forces of the paper's simulation"
+            )
+    return WalkPlan(frequencies or (drive.frequency,), duration, amplitude)
+
+
 def mesh(order: Order) -> int:
     """Mesh a design into a file, or check a given mesh."""
     from fem_biobot.config import load_design
 
     design = load_design(order.design, order.sets) if order.design else None
     size, names = mesh_size(order.size), region_names(order.rename)
+    if order.out is not None:
+        usable_folder(order.out)
 
     from fem_biobot.mesh.files import mesh_for, read_mesh
     from fem_biobot.mesh.tagged import mesh_text
@@ -198,7 +279,11 @@ def region_names(texts: Sequence[str]) -> Mapping[str, str]:
 
 def result_folder(design: Design, out: Path | None) -> Path:
     """Folder of the result, refused at once where it cannot be made or written; nothing is made yet."""
-    folder = Path("runs") / _safe(design.name) if out is None else out
+    return usable_folder(Path("runs") / _safe(design.name) if out is None else out)
+
+
+def usable_folder(folder: Path) -> Path:
+    """The folder, refused where it cannot be made or written; nothing is made yet."""
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder}: found a file, expected a folder for the result")
     above = folder.absolute()

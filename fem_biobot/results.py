@@ -57,6 +57,8 @@ def result_tables(summary: Mapping[str, Any], kind: str) -> list[Table]:
         tables.append(_stroke(solid["stroke"]))
     if solid.get("error_estimate"):
         tables.append(_errors(solid["error_estimate"]))
+    if summary.get("walks"):
+        tables.append(walk_table(summary["walks"]))
     return tables
 
 
@@ -74,11 +76,34 @@ def remarks(summary: Mapping[str, Any], kind: str) -> list[str]:
     return lines
 
 
+_WALK_COLUMNS = {
+    "immersion": "in",
+    "frequency_Hz": "Hz",
+    "active_force_mN": "active force [mN]",
+    "step_mm": "step [mm]",
+    "step_spread_mm": "+-",
+    "speed_mm_per_s": "speed [mm/s]",
+    "stroke_mm": "stroke [mm]",
+    "camera_stroke_mm": "as filmed [mm]",
+    "slip_fraction_1": "slip [1]",
+    "efficiency_1": "efficiency [1]",
+    "mechanical_efficiency_1": "mechanical [1]",
+}
+
+
+def walk_table(walks: Rows) -> Table:
+    """One line a walk."""
+    kept = [name for name in _WALK_COLUMNS if any(walk.get(name) is not None for walk in walks)]
+    body = tuple(tuple(walk.get(name) for name in kept) for walk in walks)
+    return Table("Walking, rod model", tuple(_WALK_COLUMNS[name] for name in kept), body)
+
+
 def where_to_look(folder: Path) -> list[str]:
     """Which files to open, of those that are there."""
     guide = {
         "report.html": "open in a browser: tables, pictures and graphs on one page",
         "solid.pvd": "open in ParaView: stress and displacement of every state",
+        "rod.pvd": "open in ParaView: the walking rods over time, with forces",
         "tables": "every number as CSV, with the sources of the comparison",
         "summary.json": "every number for programs",
     }

@@ -11,9 +11,11 @@ from scipy.optimize import root
 from fem_biobot.design import Design
 from fem_biobot.material.law import lame
 from fem_biobot.study.paper import (
+    EFFICIENCY,
     PASSIVE_FORCE,
     RING_BOT_FORCE,
     SIMULATED_FORCE_TO_DEFLECTION,
+    SPEED_4_HZ,
     STROKE_FORCE_2_HZ,
     STROKE_FORCE_4_HZ,
     Printed,
@@ -67,6 +69,19 @@ def beside_paper(
         rows.append(_row(f"passive force as Eq. 3 infers it, {name}", values["passive_eq3_force_mN"], PASSIVE_FORCE))
         for printed in (STROKE_FORCE_2_HZ, STROKE_FORCE_4_HZ):
             rows.append(_row(f"stroke force as Eq. 3 infers it, {name}", values["stroke_eq3_force_mN"], printed))
+    return rows
+
+
+def walks_beside_paper(walks: Sequence[State]) -> list[dict[str, Any]]:
+    """Rows of walking numbers beside those measured in the paper."""
+    rows = []
+    for walk in walks:
+        frequency = walk["frequency_Hz"]
+        place = {"air": ", in air", "submerged": ", submerged"}.get(walk.get("immersion", ""), "")
+        if frequency == 4.0:
+            rows.append(_row(f"walking speed{place}", walk["speed_mm_per_s"], SPEED_4_HZ))
+        if frequency in EFFICIENCY:
+            rows.append(_row(f"efficiency of walking{place}", walk["efficiency_1"], EFFICIENCY[frequency]))
     return rows
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,10 @@ SUMMARY = "summary.json"
 _UNFINISHED = ".unfinished"
 _JOB = "job.json"
 # what a result consists of; cleared before another one takes its place
-_OURS = ("solid_*.vtu", "solid.pvd", "design.toml", "report.html", "tables/*.csv", "figures/*.png")
+_OURS = (
+    "solid_*.vtu", "solid.pvd", "rod*.pvd", "rod*/*.vtp", "design.toml", "report.html", "tables/*.csv", "figures/*.png",
+    "figures/*.gif",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,12 @@ class ResultFolder:
                 f"{self.path}: found the result of another design (digest {holds.get('design_digest')}), expected this "
                 f"one's ({self.job['design_digest']}) or an empty folder; give another --out, or --force to redo it"
             )
+        if "walk" in (holds.get("kind"), self.job["kind"]) and holds != self.job:
+            kinds = [f"{job['kind']} ({job['walk']})" if "walk" in job else job["kind"] for job in (holds, self.job)]
+            raise FileError(
+                f"{self.path}: found the result of another job, {kinds[0]}, expected {kinds[1]}; "
+                "give another --out, or --force to redo it here"
+            )
         if holds.get("mesh") != self.job["mesh"]:
             raise FileError(
                 f"{self.path}: found this design's result on another mesh ({holds.get('mesh')}), expected "
@@ -124,31 +134,51 @@ class ResultFolder:
         write_json(self.path / SUMMARY, summary)
         shutil.rmtree(self.unfinished, ignore_errors=True)
 
-    def save(self, found: Found) -> None:
-        """Keep a state for a later run to go on from."""
-        s = found.state
-        with replacing(self.unfinished / f"{found.wanted.key}.npz") as temporary:
-            np.savez(
-                temporary,
-                u=s.u,
-                step=[s.step.load, s.step.tension],
-                natural_stretch=found.natural_stretch,
-                work=[s.residual, s.newton_iterations, s.factorisations, s.cg_iterations],
-            )
+    def keep(self, key: str, arrays: Mapping[str, Any]) -> None:
+        """Keep named arrays for a later run to go on from."""
+        with replacing(self.unfinished / f"{key}.npz") as temporary:
+            np.savez(temporary, **arrays)
 
-    def saved(self, key: str) -> Saved | None:
-        """A state kept by an earlier try, or None."""
+    def kept(self, key: str) -> dict[str, np.ndarray] | None:
+        """Arrays kept by an earlier try of this job, or None."""
         file = self.unfinished / f"{key}.npz"
         if not file.exists():
             return None
         try:
             with np.load(file) as data:
-                load, tension = (float(x) for x in data["step"])
-                residual, newton, factorisations, cg = map(float, data["work"])
-                work = {"residual": residual, "newton": newton, "factorisations": factorisations, "cg": cg}
-                return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work)
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-            raise FileError(f"{file}: cannot be read ({error}), expected a saved state; --force starts anew") from None
+                return {name: data[name] for name in data.files}
+        except (OSError, ValueError, EOFError, BadZipFile) as error:
+            raise self._unreadable(file, error) from None
+
+    @staticmethod
+    def _unreadable(file: Path, error: Exception) -> FileError:
+        return FileError(f"{file}: cannot be read ({error}), expected a saved state; --force starts anew")
+
+    def save(self, found: Found) -> None:
+        """Keep a state of the solid for a later run to go on from."""
+        s = found.state
+        self.keep(
+            found.wanted.key,
+            {
+                "u": s.u,
+                "step": [s.step.load, s.step.tension],
+                "natural_stretch": found.natural_stretch,
+                "work": [s.residual, s.newton_iterations, s.factorisations, s.cg_iterations],
+            },
+        )
+
+    def saved(self, key: str) -> Saved | None:
+        """A state of the solid kept by an earlier try, or None."""
+        data = self.kept(key)
+        if data is None:
+            return None
+        try:
+            load, tension = (float(x) for x in data["step"])
+            residual, newton, factorisations, cg = map(float, data["work"])
+            work = {"residual": residual, "newton": newton, "factorisations": factorisations, "cg": cg}
+            return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work)
+        except (ValueError, KeyError) as error:
+            raise self._unreadable(self.unfinished / f"{key}.npz", error) from None
 
     def _holds_strangers(self) -> bool:
         """Whether anything lies here but the empty mark of a job that could not write its first file."""

@@ -26,3 +26,13 @@ PASSIVE_FORCE = Printed(8.45, "mN", "measured by Eq. 3 at 15 days, section 2.4",
 STROKE_FORCE_2_HZ = Printed(1.10, "mN", "measured by Eq. 3 at 15 days, 2 Hz, section 2.4", 0.30)
 STROKE_FORCE_4_HZ = Printed(1.14, "mN", "measured by Eq. 3 at 15 days, 4 Hz, section 2.4", 0.25)
 RING_BOT_FORCE = Printed(2.6, "mN", "Eq. 2 of the ring bot, section 2.3")
+
+# measured while walking; "efficiency" is work of walking over work on the pillars
+SPEED_4_HZ = Printed(0.5, "mm/s", "measured at 4 Hz, printed as above this, abstract")
+EFFICIENCY: dict[float, Printed] = {
+    0.5: Printed(0.71, "1", "measured at 0.5 Hz, section 2.7", 0.21),
+    1.0: Printed(0.46, "1", "measured at 1 Hz, section 2.7", 0.02),
+    4.0: Printed(0.52, "1", "measured at 4 Hz, section 2.7", 0.20),
+}
+# of the main job's walks [Hz]: those of the paper
+WALKED_FREQUENCIES = (0.5, 1.0, 2.0, 4.0)

@@ -8,10 +8,8 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
-from platform import python_version
 from typing import Any
 
 from fem_biobot.config import digest, to_toml
@@ -21,18 +19,24 @@ from fem_biobot.files import file_error, write_json, write_text
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
+from fem_biobot.rod.compiling import compile_kernels as compile_rods
+from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.compiling import compile_kernels
 from fem_biobot.solid.linear import pardiso_missing
 from fem_biobot.solid.measures import Measurer, muscle_work
 from fem_biobot.solid.touching import touching_parts
-from fem_biobot.study import compare, outputs
+from fem_biobot.study import compare, outputs, walk_files
 from fem_biobot.study.folder import SUMMARY, ResultFolder
+from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
 from fem_biobot.study.reporter import Reporter, Silent
+from fem_biobot.study.versions import versions
+from fem_biobot.study.walking import WalkPlan, walks_of
 
-_PACKAGES = ("fem_biobot", "numpy", "scipy", "scikit-fem", "meshio", "gmsh", "pyvista", "vtk", "numba", "pypardiso")
 # the second mesh of the error estimate is asked for with this many times the size
 _COARSER = 1.6
+# a walk of fewer strokes says little
+_LEAST_STROKES = 8
 
 
 def run(
@@ -45,6 +49,7 @@ def run(
     force: bool = False,
     resume: bool = False,
     complete: bool = True,
+    walks: bool = True,
     reporter: Reporter | None = None,
 ) -> dict[str, Any]:
     """Do the main job and write its folder.
@@ -65,6 +70,8 @@ def run(
         Insist on going on from an unfinished result; refused where there is none.
     complete
         True for `run`; False for `solve`: states, tables and VTK only.
+    walks
+        Whether a complete job of a bot includes walking, at the frequencies and with the forces of the paper.
     reporter
         Told of stages, states, iterations and notes.
 
@@ -78,7 +85,7 @@ def run(
     BiobotError
         Wrong input before anything is written; a failed solve after everything reached is on disk.
     """
-    job = _Job(design, out, mesh_file, names, size, complete, reporter or Silent())
+    job = _Job(design, out, mesh_file, names, size, complete, walks, reporter or Silent())
     if force:
         job.folder.clear()
     done = None if force else job.folder.whole_result()
@@ -101,6 +108,7 @@ class _Job:
         names: Mapping[str, str] | None,
         size: float | None,
         complete: bool,
+        walks: bool,
         reporter: Reporter,
     ) -> None:
         self.design = design if size is None else design.with_values({"mesh.size": size})
@@ -110,7 +118,12 @@ class _Job:
             "design_digest": digest(self.design),
             "mesh": "generated" if mesh_file is None else f"{mesh_file.name} {_sha(mesh_file)}",
         }
+        self.plan = None
+        if complete and walks and design.kind == "bot":
+            self.plan = WalkPlan(WALKED_FREQUENCIES, design.drive.duration, None, _LEAST_STROKES)
+            identity["walk"] = self.plan.text
         self.folder = ResultFolder(out, identity)
+        self.walks: list[Walk] = []
         self.notes: list[str] = []
         self.timings: dict[str, float] = {}
         self.states: list[dict[str, Any]] = []
@@ -135,6 +148,8 @@ class _Job:
             self._leave_readable(mesh, solver, failure)
             raise
         coarse = self._timed("second_mesh", lambda: self._coarse_states(mesh)) if self.complete else None
+        if self.plan is not None:
+            self._timed("walk", self._walk)
         summary = self._summary(mesh, solver, coarse)
         self._write_tables(summary)
         if self.complete:
@@ -212,6 +227,21 @@ class _Job:
         self.files.append(name)
         outputs.write_series(self.folder.path, self.files)
 
+    def _walk(self) -> None:
+        """Walk at the paper's frequencies; a walk that fails is said and leaves the rest of the result whole."""
+        assert self.plan is not None
+        compile_rods(self.reporter)
+        try:
+            # the weight on the feet is the least known number: both bounds are walked, the design's own first
+            own = self.design.ground.immersion
+            for immersion in (own, "submerged" if own == "air" else "air"):
+                design = self.design.with_values({"ground.immersion": immersion})
+                for found in walks_of(design, self.plan, self.folder, self.reporter, self._note):
+                    self.walks.append(found)
+                    walk_files.write_walk(self.folder.path, found)
+        except SolveError as failure:
+            self._note(f"walking: left out from here: {failure}")
+
     def _coarse_states(self, mesh: BodyMesh) -> tuple[list[dict[str, Any]], float] | None:
         """The moulded states on a coarser mesh and how much coarser it is; None where there is no second mesh."""
         if self.mesh_file is not None:
@@ -245,6 +275,7 @@ class _Job:
         if self.design.kind == "bot":
             solid["stroke"] = compare.strokes(self.states)
             solid["comparison"] = compare.beside_paper(self.design, self.states, solid["stroke"])
+            solid["comparison"] += compare.walks_beside_paper([walk_files.walk_summary(found) for found in self.walks])
         else:
             solid["comparison"] = compare.beside_closed_form(self.design, self.states)
         if coarse is not None:
@@ -256,11 +287,11 @@ class _Job:
             "job": self.folder.job,
             "design_digest": self.folder.job["design_digest"],
             "design": self.design.name,
-            "versions": _versions(),
+            "versions": versions(),
             "timings_s": dict(self.timings),
             "mesh": outputs.mesh_summary(mesh, solver.model.n_dofs),
             "solid": solid,
-            "walks": [],
+            "walks": [walk_files.walk_summary(found) for found in self.walks],
             "crosscheck": None,
             "notes": self.notes,
         }
@@ -293,11 +324,13 @@ class _Job:
         for name in ("comparison", "error_estimate"):
             if solid.get(name):
                 outputs.write_table(tables / f"{name}.csv", solid[name])
+        if self.walks:
+            walk_files.write_walk_tables(self.folder.path, self.walks)
         if solid.get("stroke"):
             outputs.write_table(tables / "stroke.csv", [{"tissue": k, **v} for k, v in solid["stroke"].items()])
 
     def _show(self, summary: dict[str, Any]) -> None:
-        self.reporter.stage("pictures", 3)
+        self.reporter.stage("pictures", 4 if self.walks else 3)
         prefix = (
             "remodelled_" if self.design.value("muscle.reference") == "remodelled" and self.design.kind == "bot" else ""
         )
@@ -310,6 +343,9 @@ class _Job:
         self.reporter.advance("pictures")
         self.figures += outputs.plot(self.folder.path, self.design, summary["solid"]["states"])
         self.reporter.advance("plots")
+        if self.walks:
+            self.figures += walk_files.draw_walks(self.folder.path, self.walks)
+            self.reporter.advance("walks")
 
     def _leave_readable(self, mesh: BodyMesh, solver: Solver, failure: BaseException) -> None:
         """What was reached, as a summary that says it is not whole."""
@@ -332,16 +368,6 @@ class _Job:
             return action()
         finally:
             self.timings[name] = round(time.perf_counter() - start, 3)
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
 
 
 def _sha(path: Path) -> str:

@@ -204,7 +204,7 @@ def test_a_folder_that_cannot_be_made_is_refused_at_once(
     assert said.code == 2
     assert len(said.err.splitlines()) == 1
     assert str(tmp_path / "file") in said.err
-    assert command == "mesh" or "expected a folder" in said.err
+    assert "expected a folder" in said.err
     assert listing(tmp_path) == {"file": b"mine"}
 
 

@@ -18,11 +18,21 @@ from fem_biobot.design import Design
 from fem_biobot.errors import FileError, SolveError
 from fem_biobot.mesh.committed import committed_mesh
 from fem_biobot.mesh.files import write_mesh
+from fem_biobot.mesh.geometry import GmshMissing, import_gmsh
 from fem_biobot.study.plan import Solver, wanted_states
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.run import run
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def gmsh_missing() -> bool:
+    """Whether Gmsh cannot start here."""
+    try:
+        import_gmsh()
+    except GmshMissing:
+        return True
+    return False
 
 
 class Told(Silent):
@@ -144,6 +154,11 @@ def test_the_error_estimate_compares_two_meshes(result: tuple[Path, dict[str, An
     Catches: comparing a mesh with itself, dividing by a ratio below one.
     """
     _, summary = result
+    if "error_estimate" not in summary["solid"]:
+        # without Gmsh there is no coarser mesh than the smallest committed one, and the run says so
+        assert gmsh_missing()
+        assert any("error not estimated" in note for note in summary["notes"])
+        pytest.skip("needs Gmsh for a coarser mesh")
     rows = [r for r in summary["solid"]["error_estimate"] if r["quantity"] == "tip_closing_mm"]
     assert {r["state"] for r in rows} >= {states(summary)[k]["label"] for k in ("force_1", "passive", "peak")}
     for row in rows:
@@ -172,9 +187,10 @@ def test_every_file_is_there_and_opens(result: tuple[Path, dict[str, Any]], desi
     assert stretch == pytest.approx(states(summary)["peak"]["fibre_stretch_1"], rel=0.01)
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64") == len(list((out / "figures").glob("*.png"))) >= 7
-    assert {p.name for p in (out / "tables").iterdir()} == {
-        "states.csv", "comparison.csv", "error_estimate.csv", "stroke.csv",
-    }  # fmt: skip
+    tables = {"states.csv", "comparison.csv", "stroke.csv", "walks.csv"}
+    if not gmsh_missing():
+        tables.add("error_estimate.csv")
+    assert {p.name for p in (out / "tables").iterdir() if not p.name.startswith("walk_")} == tables
     assert not (out / ".unfinished").exists()
     assert not [p for p in out.rglob("*") if ".tmp" in p.name]
     again = load_design(out / "design.toml")

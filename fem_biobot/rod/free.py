@@ -25,10 +25,11 @@ class FreeMotion:
     pushed: bool
 
 
-def free_motions(model: RodModel, given: Conditions, at: Point, pattern: Pattern) -> list[FreeMotion]:
-    """Motions of rigid parts without stiffness at a point.
+def free_motions(model: RodModel, given: Conditions, at: Point, pattern: Pattern) -> tuple[list[FreeMotion], bool]:
+    """Motions of rigid parts without stiffness at a point, and whether the tangent there lacks stiffness.
 
-    Parts are what elements tie together. A part's weight gives it stiffness against turning, as to a pendulum.
+    Parts are what elements tie together. A part's weight gives it stiffness against turning, as to a pendulum; the
+    tangent knows it only once the weight has stretched the part.
     """
     parts = _parts(model)
     extent = given.extent
@@ -49,6 +50,7 @@ def free_motions(model: RodModel, given: Conditions, at: Point, pattern: Pattern
     K = matrix[node][:, node]
     H = Z[node].T @ (K @ Z[node])
     noise = float((np.abs(Z[node]).T @ (abs(K) @ np.abs(Z[node]))).max(initial=0.0))
+    bare = H.copy()
     for p, nodes in enumerate(parts):
         # a turn t moves a node to second order by t x (t x r) / 2
         f, r = force[nodes, :3], at.x[nodes] - at.x[nodes].mean(axis=0)
@@ -60,10 +62,11 @@ def free_motions(model: RodModel, given: Conditions, at: Point, pattern: Pattern
     bound = bound[sizes > 1e-12] / sizes[sizes > 1e-12, None]
     allowed = null_space(bound, rcond=1e-9) if len(bound) else np.eye(len(basis))
     if allowed.shape[1] == 0:
-        return []
+        return [], False
     small = allowed.T @ H @ allowed
     values, vectors = np.linalg.eigh(0.5 * (small + small.T))
     zero = np.abs(values) <= 1e-12 * noise + 1e-9 * forces.scale / extent
+    slack = np.abs(np.linalg.eigvalsh(allowed.T @ (0.5 * (bare + bare.T)) @ allowed)).min() <= 1e-12 * noise
     free = allowed @ vectors[:, zero]
     load = np.einsum("nc,znc->z", forces.force, basis)
     found = []
@@ -74,7 +77,7 @@ def free_motions(model: RodModel, given: Conditions, at: Point, pattern: Pattern
         turns = turns or not np.linalg.norm(motion[:, :3]) > 0.0
         pushed = abs(float(load @ z)) > 1e-9 * max(forces.scale, 1e-300) * float(np.linalg.norm(z))
         found.append(FreeMotion(motion, _name(model, parts, z), turns, pushed))
-    return found
+    return found, bool(slack)
 
 
 def _borne(

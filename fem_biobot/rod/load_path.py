@@ -55,6 +55,7 @@ class LoadPath:
     counts: Counts = field(default_factory=Counts)
     hint: str = ""
     stable: bool | None = True
+    slack: bool = False
     _problem: Problem | None = None
 
     @property
@@ -80,7 +81,7 @@ class LoadPath:
         """Refuse supports that leave the model free; a free turn that loads drive (a pendulum) may come to rest."""
         given = self.given(load, tension)
         self.at = replace(self.at, multiplier=first_multipliers(self.problem, given, self.at))
-        free = free_motions(self.model, given, self.at, self.problem.pattern)
+        free, self.slack = free_motions(self.model, given, self.at, self.problem.pattern)
         bad = [m.name for m in free if not (m.turns and m.pushed)]
         if bad:
             raise ModelError(
@@ -98,6 +99,11 @@ class LoadPath:
         goals += [_between(begin, (load, tension), k / n) for k in range(n - 1, 0, -1)]
         halved = strayed = 0
         residual = 0.0
+        if self.slack and self._lift(load) is None:
+            # nothing but loads gives stiffness: a linear step from here leads anywhere, going down does not
+            residual = self._fall((load, tension), "nothing resists the loads")
+            goals = []
+        self.slack = False
         while goals:
             goal = goals[-1]
             here, at = (self.load, self.tension), self.at

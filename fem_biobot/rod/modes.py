@@ -102,7 +102,7 @@ def modes(model: RodModel, at: RodState | None = None, count: int = 6) -> Modes:
     root, rank = _root_of_mass(given.assembly, point.Q, unknowns)
     if rank == 0:
         raise ModelError("model: found no mass that can move, expected some")
-    rigid = len(free_motions(model, given, point, unknowns))
+    rigid = len(free_motions(model, given, point, unknowns)[0])
     squares, vectors = _slowest(matrix, (root, rank), unknowns, min(count + rigid, rank), rigid)
     order = np.argsort(squares)
     squares, vectors = squares[order][:count], vectors[:, order][:, :count]

@@ -169,7 +169,7 @@ def descend(problem: Problem, given: Conditions, at: Point) -> Point:
     factor = 1.0
     for _ in range(_DESCENTS):
         scale = max(forces.scale, 1e-300)
-        if norm <= 1e-5 * scale and factor < 1e-2:
+        if norm <= 1e-5 * scale and (factor < 1e-2 or norm <= max(1e-9 * scale, forces.floor)):
             return at
         try:
             factors = problem.factors(given, at, forces, s_geo, factor * shape)

@@ -159,8 +159,9 @@ class Factors:
             self._scale = np.ones(0)
             return
         scaled, self._scale = _scaled(matrix, joint)
+        self._exact = scaled.copy() if joint.any() else None
         columns = np.repeat(np.arange(len(joint)), np.diff(scaled.indptr))
-        scaled.data[(scaled.indices == columns) & joint[columns]] = -_COMPLIANCE
+        scaled.data[(scaled.indices == columns) & joint[columns]] -= _COMPLIANCE
         try:
             self._lu = splu(scaled, permc_spec="NATURAL", diag_pivot_thresh=0.1)
         except RuntimeError:
@@ -171,7 +172,11 @@ class Factors:
         if len(self._scale) == 0:
             return b.copy()
         scale = self._scale if b.ndim == 1 else self._scale[:, None]
-        x = scale * self._lu.solve(np.ascontiguousarray(scale * b))
+        x = self._lu.solve(np.ascontiguousarray(scale * b))
+        if self._exact is not None:
+            # once more, without the joints' compliance
+            x += self._lu.solve(np.ascontiguousarray(scale * b - self._exact @ x))
+        x = scale * x
         if not np.isfinite(x).all():
             raise SingularError
         return x

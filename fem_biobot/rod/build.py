@@ -250,6 +250,8 @@ def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[E
                 raise ModelError(
                     f"rod {rod.name}: natural_curvature: found shape {np.shape(given)}, expected (3,) or (m, 3)"
                 ) from None
+            if not np.isfinite(np.array(given, dtype=float)).all():
+                raise ModelError(f"rod {rod.name}: natural_curvature: found {given!r}, expected finite numbers")
     m = len(nodes)
     made = Elements(
         np.array(nodes, dtype=np.int64).reshape(m, 2),

@@ -356,7 +356,13 @@ class Muscle:
             raise ModelError(f"muscle {self.name}: theta: found {self.theta:g} rad, expected between 0 and pi")
         if self.rest_length is not None:
             _number(f"muscle {self.name}: rest_length", self.rest_length, 0.0, open_low=True)
-        _set(self, resistance=Resistance(self.resistance))
+        try:
+            _set(self, resistance=Resistance(self.resistance))
+        except ValueError:
+            known = ", ".join(Resistance)
+            raise ModelError(
+                f"muscle {self.name}: resistance: found {self.resistance!r}, expected one of: {known}"
+            ) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,6 +391,8 @@ class ContactPoints:
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
             raise ModelError(f"contact points: found shape {points.shape}, expected (c, 3) of finite numbers")
         _number("contact points: radius", self.radius, 0.0)
+        if self.axis is not None and not np.linalg.norm(vector("contact points: axis", self.axis)) > 0.0:
+            raise ModelError(f"contact points: found axis {self.axis}, expected a direction")
         _set(self, points=points)
 
 

@@ -195,12 +195,13 @@ def _nodes(
             a, b = find(number[rough.parse(joint.a)[0]]), find(number[rough.parse(joint.b)[0]])
             root[max(a, b)] = min(a, b)
     roots = sorted({find(i) for i in range(len(keys))})
-    group = {key: roots.index(find(i)) for key, i in number.items()}
+    rank = {r: g for g, r in enumerate(roots)}
+    group = {key: rank[find(i)] for key, i in number.items()}
     # lumps of each group: mass, position, inertia about it, volume
     lumps: list[list[tuple[float, Array, Array, float]]] = [[] for _ in roots]
     for rod in rods:
         spans = np.linalg.norm(np.diff(rod.points, axis=0), axis=1)
-        for e, (span, section) in enumerate(zip(spans, rod.section, strict=True)):
+        for e, (span, section) in enumerate(zip(spans, rod.sections, strict=True)):
             density = rod.material.density * rod.mass
             for end in (e, e + 1):
                 R = frames[rod.name][end].T
@@ -233,7 +234,7 @@ def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[E
     nodes, offset, turn, C, tau, natural = [], [], [], [], [], []
     for rod in rods:
         frames = atlas.frames[rod.name]
-        for e, section in enumerate(rod.section):
+        for e, section in enumerate(rod.sections):
             ends = [atlas.node_of[rod.name, i] for i in (e, e + 1)]
             nodes.append(ends)
             offset.append([rod.points[i] - atlas.centre[g] for i, g in zip((e, e + 1), ends, strict=True)])
@@ -242,10 +243,10 @@ def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[E
             tau.append(damping_time if rod.damping_time is None else rod.damping_time)
         given = rod.natural_curvature
         if given is None:
-            natural += [None] * len(rod.section)
+            natural += [None] * len(rod.sections)
         else:
             try:
-                natural += list(np.broadcast_to(np.array(given, dtype=float), (len(rod.section), 3)))
+                natural += list(np.broadcast_to(np.array(given, dtype=float), (len(rod.sections), 3)))
             except ValueError:
                 raise ModelError(
                     f"rod {rod.name}: natural_curvature: found shape {np.shape(given)}, expected (3,) or (m, 3)"
@@ -335,7 +336,7 @@ def _loads(
         points = atlas.drawn[load.rod]
         # half of each element's load on each of its ends, where the element's lumped mass is, too
         first = list(atlas.rods).index(load.rod)
-        begin = sum(len(r.section) for r in list(atlas.rods.values())[:first])  # type: ignore[arg-type]
+        begin = sum(len(r.sections) for r in list(atlas.rods.values())[:first])
         length = elements.length[begin : begin + len(points) - 1]
         share = 0.5 * (np.append(length, 0.0) + np.append(0.0, length))
         for i, part in enumerate(share):
@@ -343,11 +344,9 @@ def _loads(
             rows.append((node, offset, part * force, part * couple, int(load.following)))
             histories.append(load.history)
     count = len(rows)
-    made = Loads(
-        np.array([r[0] for r in rows], dtype=np.int64),
-        *(np.array([r[i] for r in rows], dtype=float).reshape(count, 3) for i in (1, 2, 3)),
-        np.array([r[4] for r in rows], dtype=np.int64),
-    )
+    offset, force, couple = (np.array([r[i] for r in rows], dtype=float).reshape(count, 3) for i in (1, 2, 3))
+    node, following = (np.array([r[i] for r in rows], dtype=np.int64) for i in (0, 4))
+    made = Loads(node, offset, force, couple, following)
     return made, histories, gravity
 
 
@@ -427,5 +426,5 @@ def _frame_about(axis: Array) -> Array:
     """Axes, rows, whose third is `axis`."""
     e3 = axis / np.linalg.norm(axis)
     e1 = np.cross(e3, np.eye(3)[int(np.abs(e3).argmin())])
-    e1 /= np.linalg.norm(e1)
-    return np.array([e1, np.cross(e3, e1), e3])
+    e1 = e1 / np.linalg.norm(e1)
+    return np.array([e1, np.cross(e3, e1), e3], dtype=float)

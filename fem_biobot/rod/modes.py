@@ -27,7 +27,8 @@ _DENSE = 600
 _BALANCED = 1e-5
 _SYMMETRIC = 1e-7
 _SHIFTS = 5
-_RAISES = 25
+# shift beyond which only parts without mass can be unstable, over the highest squared frequency of a node
+_HIGHEST = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,18 +184,24 @@ def _negative(matrix: csc_matrix, unknowns: Pattern) -> bool:
     try:
         return negative_motions(matrix, unknowns.joint) > 0
     except SingularError:
-        raise ModelError("model: found a part without mass that nothing holds, expected mass or stiffness") from None
+        return True
 
 
 def _positive(matrix: csc_matrix, mass: csc_matrix, shift: float, unknowns: Pattern) -> tuple[Factors, float]:
     """Factors of ``K + shift M`` with the shift raised until it is positive on what joints allow, and that shift."""
-    for _ in range(_RAISES):
+    weights = mass.diagonal()
+    heavy = weights > 0.0
+    stiffest = float(np.max(np.abs(matrix.diagonal()[heavy]) / weights[heavy], initial=1.0))
+    while shift <= _HIGHEST * stiffest:
         shifted = (matrix + shift * mass).tocsc() if shift else matrix
         shifted.sort_indices()
         if not _negative(shifted, unknowns):
-            return Factors(shifted, unknowns.joint), shift
-        shift = 10.0 * shift if shift else 1.0
-    raise ModelError("at: found an equilibrium unstable for parts without mass, expected mass or stiffness there")
+            try:
+                return Factors(shifted, unknowns.joint), shift
+            except SingularError:
+                break
+        shift = 10.0 * shift if shift else 1e-9 * stiffest
+    raise ModelError("at: found a part without mass that nothing holds in place, expected mass or stiffness there")
 
 
 def _largest(factors: Factors, root: csr_matrix, rank: int, count: int) -> tuple[Array, Array]:

@@ -103,6 +103,11 @@ class Rod:
         points.flags.writeable = False
         _set(self, points=points, section=sections)
 
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """One for each element."""
+        return (self.section,) if isinstance(self.section, Section) else tuple(self.section)
+
 
 @dataclass(frozen=True, eq=False)
 class Body:

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, eye_array
+from scipy.sparse import csc_matrix, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
 from fem_biobot.rod.arrays import Assembly
@@ -29,7 +29,7 @@ Ints = NDArray[np.int64]
 # compliance of a joint's row against the nodes it ties, in the scaled matrix
 _COMPLIANCE = 1e-10
 # stiffness of joints' rows against that of the nodes, where definiteness is looked at
-_WEIGHT = 10.0
+_WEIGHT = 100.0
 # stiffness that rounding may leave to a motion that costs nothing
 _NEUTRAL = 2e-14
 
@@ -159,9 +159,10 @@ class Factors:
             self._scale = np.ones(0)
             return
         scaled, self._scale = _scaled(matrix, joint)
-        self._exact = scaled.copy() if joint.any() else None
-        columns = np.repeat(np.arange(len(joint)), np.diff(scaled.indptr))
-        scaled.data[(scaled.indices == columns) & joint[columns]] -= _COMPLIANCE
+        self._exact = scaled if joint.any() else None
+        if joint.any():
+            scaled = (scaled - diags_array(_COMPLIANCE * joint)).tocsc()
+            scaled.sort_indices()
         try:
             self._lu = splu(scaled, permc_spec="NATURAL", diag_pivot_thresh=0.1)
         except RuntimeError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
@@ -70,10 +71,20 @@ def plan(n_unknowns: int, pairs: Iterable[tuple[int, int]], last: Iterable[int] 
     def slot(i: int, j: int) -> int:
         return place.setdefault((i, j), len(place))
 
+    # unknowns that may be eliminated, by the number of their neighbours when they came; outdated entries are skipped
+    queue: list[tuple[int, int]] = []
+
+    def offer(i: int) -> None:
+        if i not in late or not (near[i] - late):
+            heappush(queue, (len(near[i]), i))
+
+    for i in range(n_unknowns):
+        offer(i)
     while left:
         # fewest neighbours first keeps the fill-in of chains and trees at nothing; ties by number, so plans repeat
-        ready = [k for k in left if k not in late or not (near[k] - late)]
-        k = min(ready or left, key=lambda u: (len(near[u]), u))
+        size, k = heappop(queue)
+        if k not in left or size != len(near[k]):
+            continue
         left.remove(k)
         around = sorted(near[k])
         order.append(k)
@@ -88,6 +99,8 @@ def plan(n_unknowns: int, pairs: Iterable[tuple[int, int]], last: Iterable[int] 
                 update.append(slot(i, j))
                 if i != j:
                     near[i].add(j)
+        for i in around:
+            offer(i)
         start.append(len(neighbour))
 
     def ints(values: list[int]) -> Ints:

@@ -145,12 +145,16 @@ def stance(model: RodModel, ground: Ground) -> Stance:
     heavy = _damped(model)
     weight = float(np.linalg.norm(model.assembly.gravity)) * model.mass
     still = _STILL * max(weight, 1e-12) * 1e-3
-    time = 0.0
+    slices, state = 0, start
     begin: RodState | Checkpoint = RodState(heavy, start.x, start.Q)
     while True:
-        motion = dynamics(heavy, _SETTLE_SLICE, _SETTLE_STEP, ground=ground, start=begin)
+        try:
+            motion = dynamics(heavy, _SETTLE_SLICE, _SETTLE_STEP, ground=ground, start=begin)
+        except SolveError as error:
+            raise SolveError(f"stance: {error}", best=state, reason=error.reason) from None
         begin, state = motion.final, motion.state(-1)
-        time += _SETTLE_SLICE
+        slices += 1
+        time = slices * _SETTLE_SLICE
         energy = float(motion.energy("kinetic")[len(motion.times) // 2 :].max())
         if energy <= still:
             return Stance(RodState(model, state.x, state.Q), time, energy, tilt)

@@ -16,7 +16,7 @@ from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.records import Muscle
-from fem_biobot.rod.tubes import Piece, contact_points, element_ends, point_of
+from fem_biobot.rod.tubes import Piece, along_elements, contact_points, element_ends, point_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,7 +48,7 @@ class Resultants:
 
 
 def resultants(state: RodState) -> Resultants:
-    """Resultants of all elements, in space with the mean of the directors at the element's ends.
+    """Resultants of all elements, in space with the directors of their middles.
 
     Elastic parts alone, without damping. Curvature and twist are the whole ones, those of the natural shape included;
     stretch is the length of the centre line over that drawn.
@@ -59,17 +59,14 @@ def resultants(state: RodState) -> Resultants:
     n, m, eps, kappa = (
         np.concatenate([np.zeros((0, 3)), *(part[i][j] for part in parts)]) for i, j in ((0, 0), (0, 1), (1, 0), (1, 1))
     )
-    _, frames = element_ends(elements, state.x, state.Q)
-    mean = frames.mean(axis=1)
+    middle = along_elements(elements, state.x, state.Q, np.array([0.5]))[1][:, 0]
     third = np.array([0.0, 0.0, 1.0])
     stretch = np.linalg.norm(eps + elements.eps0 + third, axis=1) / np.linalg.norm(elements.eps0 + third, axis=1)
     kappa = kappa + elements.kappa0
-    # the mean of two directors is a little short of a unit vector
-    mean /= np.linalg.norm(mean, axis=2, keepdims=True)
     return Resultants(
-        np.einsum("ma,mai->mi", n, mean),
+        np.einsum("ma,mai->mi", n, middle),
         n[:, 2],
-        np.einsum("ma,mai->mi", m, mean),
+        np.einsum("ma,mai->mi", m, middle),
         np.linalg.norm(kappa[:, :2], axis=1),
         kappa[:, 2],
         stretch,

@@ -141,7 +141,7 @@ def write_gait(
     palette = _palette([images[i] for i in np.unique(np.linspace(0, count - 1, 8).astype(int))])
     # nearest colour of the palette for every colour of six bits a channel, white and black exact
     grid = np.stack(np.meshgrid(*[np.arange(64) * (255.0 / 63.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    nearest = KDTree(palette).query(grid)[1].astype(np.uint8)
+    nearest = np.asarray(KDTree(palette).query(grid)[1]).astype(np.uint8)
     drawn = []
     for image in images:
         r, g, b = (image[..., c].astype(np.int64) >> 2 for c in range(3))

@@ -19,7 +19,6 @@ from fem_biobot.files import file_error, write_json, write_text
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
-from fem_biobot.rod.compiling import compile_kernels as compile_rods
 from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.compiling import compile_kernels
 from fem_biobot.solid.linear import pardiso_missing
@@ -227,10 +226,14 @@ class _Job:
         self.files.append(name)
         outputs.write_series(self.folder.path, self.files)
 
+    @property
+    def _shown_frequency(self) -> float:
+        """Of the walk that is drawn and written for ParaView: the paper's next to the design's [Hz]."""
+        return min(WALKED_FREQUENCIES, key=lambda f: abs(f - self.design.drive.frequency))
+
     def _walk(self) -> None:
         """Walk at the paper's frequencies; a walk that fails is said and leaves the rest of the result whole."""
         assert self.plan is not None
-        compile_rods(self.reporter)
         try:
             # the weight on the feet is the least known number: both bounds are walked, the design's own first
             own = self.design.ground.immersion
@@ -238,7 +241,8 @@ class _Job:
                 design = self.design.with_values({"ground.immersion": immersion})
                 for found in walks_of(design, self.plan, self.folder, self.reporter, self._note):
                     self.walks.append(found)
-                    walk_files.write_walk(self.folder.path, found)
+                    shown = immersion == own and found.frequency == self._shown_frequency
+                    walk_files.write_walk(self.folder.path, found, "rod" if shown else None)
         except SolveError as failure:
             self._note(f"walking: left out from here: {failure}")
 
@@ -344,7 +348,8 @@ class _Job:
         self.figures += outputs.plot(self.folder.path, self.design, summary["solid"]["states"])
         self.reporter.advance("plots")
         if self.walks:
-            self.figures += walk_files.draw_walks(self.folder.path, self.walks)
+            shown = next((w for w in self.walks if w.frequency == self._shown_frequency), self.walks[0])
+            self.figures += walk_files.draw_walks(self.folder.path, self.walks, [shown])
             self.reporter.advance("walks")
 
     def _leave_readable(self, mesh: BodyMesh, solver: Solver, failure: BaseException) -> None:

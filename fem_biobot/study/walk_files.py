@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,12 @@ from fem_biobot.design import Design
 from fem_biobot.files import file_error
 from fem_biobot.rod.contact.kernels import LIFTED, SLIP
 from fem_biobot.rod.gait import Walk
-from fem_biobot.study import compare
-from fem_biobot.study.outputs import write_table
+from fem_biobot.study import compare, rod_outputs
+from fem_biobot.study.outputs import figures_folder, write_table
+from fem_biobot.view.gait import step_against_frequency
 from fem_biobot.view.report import write_report
 
+_PLACES = {"air": "in air"}
 _WORDS = {LIFTED: "lifted", SLIP: "slip"}
 _SHOWN = (
     "immersion", "frequency_Hz", "active_force_mN", "step_mm", "step_spread_mm", "speed_mm_per_s", "stroke_mm",
@@ -36,8 +39,10 @@ def walk_summary(walk: Walk) -> dict[str, Any]:
     return {**place, **walk.summary()}
 
 
-def write_walk(folder: Path, walk: Walk) -> None:
-    """The samples of one walk as a table."""
+def write_walk(folder: Path, walk: Walk, series: str | None = None) -> None:
+    """The samples of one walk as a table; with the name of a series also for ParaView."""
+    if series is not None:
+        rod_outputs.write_rod_series(folder, walk.motion, name=series)
     columns: dict[str, Any] = {
         "time_s": walk.times,
         "drive_1": walk.motion.drive,
@@ -88,9 +93,22 @@ def _tables(folder: Path) -> None:
         raise file_error(error, folder / "tables") from None
 
 
-def draw_walks(folder: Path, walks: Sequence[Walk]) -> list[tuple[Path, str]]:
-    """Plots and the animation of walks, with captions."""
-    return []
+def draw_walks(folder: Path, walks: Sequence[Walk], shown: Sequence[Walk]) -> list[tuple[Path, str]]:
+    """Steps against frequency of all walks, and graphs and the animation of those shown, with captions."""
+    figures = figures_folder(folder)
+    out: list[tuple[Path, str]] = []
+    places = dict.fromkeys("rod model" if w.design is None else w.design.ground.immersion for w in walks)
+    if len({w.frequency for w in walks}) > 1:
+        curves = {}
+        for place in places:
+            kept = [w for w in walks if w.strokes and (w.design is None or w.design.ground.immersion == place)]
+            spread = [0.0 if math.isnan(w.step_spread_mm) else w.step_spread_mm for w in kept]
+            curves[_PLACES.get(place, place)] = ([w.frequency for w in kept], [w.step_mm for w in kept], spread)
+        out.append((figures / "steps.png", "Step and speed against strokes per second; bars: spread of the strokes."))
+        step_against_frequency(out[-1][0], curves)
+    for walk in shown:
+        out += rod_outputs.draw_walk(figures, walk, label(walk))
+    return out
 
 
 def write_walk_report(

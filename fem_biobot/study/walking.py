@@ -149,24 +149,29 @@ def walk_design(
     try:
         for found in walks_of(design, plan, folder, reporter, note):
             walks.append(found)
-            walk_files.write_walk(folder.path, found)
+            walk_files.write_walk(folder.path, found, _series(plan, found))
     except (BiobotError, KeyboardInterrupt) as failure:
         if isinstance(failure, SolveError) and isinstance(failure.best, Walk):
             walks.append(failure.best)
-            walk_files.write_walk(folder.path, failure.best)
+            walk_files.write_walk(folder.path, failure.best, _series(plan, failure.best))
         reached = f"{len(walks)} of {len(plan.frequencies)} walks"
         write_json(
             folder.path / SUMMARY, {**summary(False), "failure": str(failure) or "interrupted", "reached": reached}
         )
         raise
     reporter.stage("plots and animation", 1)
-    figures = walk_files.draw_walks(folder.path, walks)
+    figures = walk_files.draw_walks(folder.path, walks, walks)
     reporter.advance("plots and animation")
     result = summary(True)
     walk_files.write_walk_tables(folder.path, walks)
     walk_files.write_walk_report(folder.path, result, figures, design)
     folder.close(result)
     return result
+
+
+def _series(plan: WalkPlan, walk: Walk) -> str:
+    """Name of a walk's series for ParaView: rod, or with the frequency where there are several."""
+    return "rod" if len(plan.frequencies) == 1 else f"rod_{walk.frequency:g}Hz".replace(".", "p")
 
 
 def _since(began: float) -> float:

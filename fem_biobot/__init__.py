@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from fem_biobot.mesh.files import read_mesh, write_mesh
     from fem_biobot.mesh.geometry import build_mesh
     from fem_biobot.rod.dynamics.integrate import Motion, dynamics
+    from fem_biobot.rod.ensemble import walk_ensemble
+    from fem_biobot.rod.gait import Walk
     from fem_biobot.rod.model import RodModel, RodState
     from fem_biobot.rod.modes import Modes, modes
     from fem_biobot.rod.records import (
@@ -37,8 +39,10 @@ if TYPE_CHECKING:
         Spherical,
         Spring,
     )
+    from fem_biobot.rod.reduce import reduce
     from fem_biobot.rod.section import RodMaterial, Section
     from fem_biobot.rod.statics import RodSolution, RodStep, reaction, statics
+    from fem_biobot.rod.walk import walk
     from fem_biobot.solid.from_design import tension_step
     from fem_biobot.solid.measures import measures
     from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
@@ -56,6 +60,8 @@ _HOMES = {
     "mesh.files": ("read_mesh", "write_mesh"),
     "mesh.geometry": ("build_mesh",),
     "rod.dynamics.integrate": ("Motion", "dynamics"),
+    "rod.ensemble": ("walk_ensemble",),
+    "rod.gait": ("Walk",),
     "rod.model": ("RodModel", "RodState"),
     "rod.modes": ("Modes", "modes"),
     "rod.records": (
@@ -75,7 +81,9 @@ _HOMES = {
         "Spring",
     ),
     "rod.section": ("RodMaterial", "Section"),
+    "rod.reduce": ("reduce",),
     "rod.statics": ("RodSolution", "RodStep", "reaction", "statics"),
+    "rod.walk": ("walk",),
     "solid.from_design": ("tension_step",),
     "solid.measures": ("measures",),
     "solid.model": ("SolidModel", "SolidSolution", "SolidState", "solve"),
@@ -127,6 +135,7 @@ __all__ = [
     "Step",
     "Symmetry",
     "Traction",
+    "Walk",
     "build_mesh",
     "dynamics",
     "load_design",
@@ -134,10 +143,13 @@ __all__ = [
     "modes",
     "reaction",
     "read_mesh",
+    "reduce",
     "run",
     "solve",
     "statics",
     "tension_step",
+    "walk",
+    "walk_ensemble",
     "write_mesh",
     "write_pvd",
     "write_vtu",

@@ -14,7 +14,9 @@ from fem_biobot.files import file_error, write_text
 
 Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 
-_TYPES = {".gif": "image/gif", ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".svg": "image/svg+xml"}
+_TYPES = {
+    ".gif": "image/gif", ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".svg": "image/svg+xml",
+}  # fmt: skip
 _UNITS = {
     "mm": "mm", "mN": "mN", "kPa": "kPa", "uJ": "µJ", "s": "s", "1": "", "Hz": "Hz", "rad": "rad", "deg": "°",
     "mm2": "mm²", "mm3": "mm³", "mm4": "mm⁴",

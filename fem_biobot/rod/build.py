@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
 from fem_biobot.rod.arrays import Assembly, Constraints, Contacts, Inertia, Loads, Members
+from fem_biobot.rod.atlas import Atlas, Built, Member, Moved
 from fem_biobot.rod.element import kernels as element
 from fem_biobot.rod.element.arrays import Elements
 from fem_biobot.rod.frames import node_frames
@@ -22,7 +22,6 @@ from fem_biobot.rod.records import (
     Hinge,
     Hold,
     Muscle,
-    Place,
     PointLoad,
     Resistance,
     Rigid,
@@ -36,75 +35,10 @@ from fem_biobot.rod.section import stiffness
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Joint = Rigid | Spherical | Hinge
-Member = Muscle | Spring
 Load = PointLoad | DistributedLoad | Gravity
 
 # parts drawn further apart than this share of the model's size do not meet in a joint
 _MEETS = 1e-6
-
-
-@dataclass(frozen=True)
-class Atlas:
-    """Where the named parts went: for every rod its nodes and frames, for every body its node."""
-
-    rods: Mapping[str, Rod]
-    bodies: Mapping[str, Body]
-    node_of: Mapping[tuple[str, int], int]
-    drawn: Mapping[str, Array]
-    frames: Mapping[str, Array]
-    centre: Array
-
-    def parse(self, place: Place) -> tuple[tuple[str, int], Array]:
-        """The part's key, and the position of the place as drawn."""
-        try:
-            name, where = place
-        except (TypeError, ValueError):
-            raise ModelError(f"place: found {place!r}, expected a pair such as ('beam', -1)") from None
-        if name in self.rods:
-            points = self.drawn[name]
-            if not isinstance(where, int | np.integer) or not -len(points) <= where < len(points):
-                raise ModelError(
-                    f"place ('{name}', {where!r}): expected the number of one of its {len(points)} nodes, such as 0"
-                )
-            number = int(where) % len(points)
-            return (name, number), points[number]
-        if name in self.bodies:
-            return (name, 0), vector(f"place on body {name}", where)
-        known = ", ".join([*self.rods, *self.bodies])
-        raise ModelError(f"place {place!r}: no rod or body of the name {name!r}, expected one of: {known}")
-
-    def locate(self, place: Place) -> tuple[int, Array]:
-        """Node of a place and the offset from it, in the drawing's axes [mm]."""
-        key, position = self.parse(place)
-        node = self.node_of[key]
-        return node, position - self.centre[node]
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A support that loading moves: a held node, or a constraint of the world, and its `Hold`.
-
-    `place` is the position of the held place and `offset` its distance from the node, both as drawn (3,) [mm].
-    """
-
-    node: int
-    constraint: int
-    hold: Hold
-    place: Array
-    offset: Array
-
-
-@dataclass(frozen=True)
-class Built:
-    """An assembly with what is known of its parts."""
-
-    assembly: Assembly
-    atlas: Atlas
-    x: Array
-    members: tuple[Member, ...]
-    histories: tuple[Callable[[float], float] | None, ...]
-    volume: Array
-    moved: tuple[Moved, ...] = ()
 
 
 def build(

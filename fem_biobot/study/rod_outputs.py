@@ -190,7 +190,13 @@ def draw_gait(
     plane = np.array([forward, normal])
     strongest = max(float(motion.drive.max()), 1e-300)
     parts = []
-    for piece in sorted(pieces(walk.model), key=_depth):
+    lateral = walk.ground.axes[2]
+    seen_from_right = sorted(
+        pieces(walk.model),
+        # what stands further right is in front; parts of one plane as they are layered
+        key=lambda piece: (-round(float((lateral @ piece.points(x[0], Q[0])).mean()), 6), _layer(piece)),
+    )
+    for piece in seen_from_right:
         tissue = piece.kind == "muscle" or piece.name.startswith("ring")
         glow = motion.drive[inside] / strongest if piece.kind == "muscle" else None
         seen = np.einsum("ac,tcp->tap", plane, piece.points(x, Q))
@@ -207,10 +213,11 @@ def draw_gait(
         feet[name] = Trail(middle, walk.foot_state[inside, k], force, base)
     return write_gait(
         path, times, parts, feet, ground=walk.ground.height, rate=rate, slow=slow, weight=walk.weight_mN, width=width,
-        title=f"Gait at {walk.frequency:g} Hz" + (f", {slow:g} times slower" if slow != 1.0 else ""),
+        title=f"{walk.design.name if walk.design else 'Gait'} at {walk.frequency:g} Hz"
+        + (f", {slow:g} times slower" if slow != 1.0 else ""),
     )  # fmt: skip
 
 
-def _depth(piece: Piece) -> int:
-    """Order from back to front: rods, muscles, bodies, and the tissue around them."""
+def _layer(piece: Piece) -> int:
+    """Order from back to front in one plane: rods, muscles, bodies, and the tissue around them."""
     return 3 if piece.name.startswith("ring") else ("rod", "muscle", "body").index(piece.kind)

@@ -5,16 +5,21 @@ Reads samples of a motion; also joins the motions of which a walk is made.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem_biobot.rod.anatomy import anatomy, muscle_forces, path, sole_gaps, uprightness
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion
 
+Array = NDArray[np.float64]
+
 _UPRIGHT = 0.5  # cosine of the tilt at which a machine has fallen
+_BURIED = 1e-3  # mm below the ground that a part may reach before it is told
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,8 @@ class Event:
     ----------
     name
         ``overturned`` (ends the walk), ``slack`` (a muscle pushes), ``touching`` (soles meet), ``flight`` (no foot on
-        the ground), ``lifted`` (a foot leaves the ground for the first time).
+        the ground), ``lifted`` (a foot leaves the ground for the first time), ``buried`` (a part other than a sole
+        reaches below the ground, which holds up soles alone).
     time
         Of the first sample that shows it [s].
     text
@@ -102,4 +108,31 @@ def happened(motion: Motion) -> tuple[Event, ...]:
         ~bears.any(axis=1) & bears.any(axis=1).cumsum().astype(bool),
         "no foot bears anything for the first time",
     )
+    for name, depth in depths(motion).items():
+        deepest = float(depth.max())
+        note(
+            "buried",
+            depth > _BURIED,
+            f"{name} reaches below the ground, {deepest:.3g} mm at most: soles alone rest on it,",
+        )
     return tuple(sorted(events, key=lambda event: event.time))
+
+
+def depths(motion: Motion) -> dict[str, Array]:
+    """How far the boxes of each body reach below the ground, (s,) [mm]; negative above it."""
+    found: dict[str, Array] = {}
+    model = motion.model
+    assert motion.ground is not None
+    normal, height = motion.ground.axes[0], motion.ground.height
+    for body in model.bodies:
+        corners = [
+            np.array(centre) + 0.5 * np.array(signs) * np.array(edges)
+            for centre, edges in body.boxes
+            for signs in itertools.product((-1.0, 1.0), repeat=3)
+        ]
+        if corners:
+            node, _ = model.atlas.locate((body.name, body.centre))
+            offsets = np.array(corners) - model.atlas.centre[node]
+            heights = motion.x[:, node, None, :] + np.einsum("sji,cj->sci", motion.Q[:, node], offsets)
+            found[body.name] = height - (heights @ normal).min(axis=1)
+    return found

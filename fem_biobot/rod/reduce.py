@@ -71,17 +71,18 @@ Part = tuple[Array, Array, float]
 
 @dataclass(frozen=True)
 class Lump:
-    """Mass, its centre, the inertia about that, and the volume of a union of boxes of one density."""
+    """Mass, its centre, the inertia about that, the volume and the looks of a union of boxes of one density."""
 
     mass: float
     centre: Array
     inertia: Array
     volume: float
+    boxes: tuple[tuple[Vector, Vector], ...] = ()
 
     def body(self, name: str) -> Body:
         """As a rigid body."""
         x, y, z = (float(c) for c in self.centre)
-        return Body((x, y, z), self.mass, self.inertia, name, self.volume)
+        return Body((x, y, z), self.mass, self.inertia, name, self.volume, self.boxes)
 
 
 def lump(parts: Sequence[Part], density: float) -> Lump:
@@ -98,7 +99,37 @@ def lump(parts: Sequence[Part], density: float) -> Lump:
     # second moments of position, from which the inertia is trace minus moment
     second = np.einsum("b,bi,bj->ij", volume, arm, arm) + np.diag(volume @ (size**2 / 12.0))
     inertia = density * (np.trace(second) * np.eye(3) - second)
-    return Lump(density * float(volume.sum()), centre, inertia, float(volume.sum()))
+    return Lump(density * float(volume.sum()), centre, inertia, float(volume.sum()), _solid(parts))
+
+
+def _solid(parts: Sequence[Part]) -> tuple[tuple[Vector, Vector], ...]:
+    """Boxes, centre and edges, that fill what the parts leave: of each, what lies around the boxes taken away."""
+    spans = [(centre - edges / 2, centre + edges / 2, volume) for centre, edges, volume in parts if edges.all()]
+    left = [(low, high) for low, high, volume in spans if volume > 0.0]
+    for a, b, volume in spans:
+        if volume < 0.0:
+            left = [piece for low, high in left for piece in _around(low, high, a, b)]
+    return tuple((_vector((low + high) / 2), _vector(high - low)) for low, high in left)
+
+
+def _around(low: Array, high: Array, a: Array, b: Array) -> list[tuple[Array, Array]]:
+    """What is left of the box from `low` to `high` without that from `a` to `b`, in at most six boxes."""
+    if (np.minimum(high, b) <= np.maximum(low, a)).any():
+        return [(low, high)]
+    found, low, high = [], low.copy(), high.copy()
+    for axis in range(3):
+        for end, cut in ((low, a), (high, b)):
+            below, above = low.copy(), high.copy()
+            (above if end is low else below)[axis] = np.clip(cut[axis], low[axis], high[axis])
+            if above[axis] > below[axis]:
+                found.append((below, above))
+            end[axis] = np.clip(cut[axis], low[axis], high[axis])
+    return found
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)
 
 
 def _box(low: Vector, high: Vector, sign: float = 1.0) -> Part:

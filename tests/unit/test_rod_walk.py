@@ -266,7 +266,7 @@ def test_parts_that_reach_into_the_ground_are_noticed() -> None:
     corner = ("ring_short", (-7.0 - 0.5, 0.0, 0.75))
     deepest = max(-walked.motion.state(i).at(corner)[2] for i in range(len(walked.times)))
     assert f"{deepest:.3g} mm" in buried.text
-    high = load_design("junction_bot", ["muscle.ring_offset=0.6 mm"])
+    high = load_design("junction_bot", ["muscle.ring_offset=0.35 mm"])
     assert "buried" not in [e.name for e in walk(high, duration=0.5, beam_elements=4).events]
 
 

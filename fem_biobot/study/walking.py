@@ -238,6 +238,8 @@ def walks_of(
             motion, frequency, amplitude, design.drive.waveform, design.numerics.step, discarded, stood, design,
             happened(motion), (), spent,
         )  # fmt: skip
+        if not (found.foot_slips > 0.0).any():
+            note(f"{place}, {frequency:g} Hz: no foot slips, so the machine stays where it stands")
         for event in found.events:
             note(f"{place}, {frequency:g} Hz: {event.text}")
         yield found

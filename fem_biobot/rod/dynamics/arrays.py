@@ -99,7 +99,8 @@ class Work(NamedTuple):
     joint_gap: Array
     joint_rate: Array
     gap: Array  # (c,)
-    rows: Array  # (c, 3, 6)
+    rows: Array  # (c, 3, 6) velocities of the contact points by those of their nodes, at the end
+    push: Array  # (c, 3, 6) the same at theta, where impulses act
     p: Array  # (c, 3)
     w: Array  # (c, 3)
     b: Array  # (c, 3)
@@ -123,7 +124,10 @@ def work_for(state: State, n_blocks: int, n_touching: int) -> Work:
     shapes: list[Any] = [
         *(np.zeros(s) for s in ((n, 3), (n, 3, 3), (n, 3), (n, 3, 3), node, node, (n, 3))),
         *(np.zeros(s) for s in ((m, 6), (k,), (m, 6), (m,), (k,), node, (n, 3), (n, 3), vector, vector, vector)),
-        *(np.zeros(s) for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (j, 6), (c,), (c, 3, 6), (c, 3), (c, 3))),
+        *(
+            np.zeros(s)
+            for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (j, 6), (c,), (c, 3, 6), (c, 3, 6), (c, 3), (c, 3))
+        ),
         np.zeros((c, 3)),
         np.zeros(c, dtype=np.int64),
         *(np.zeros(s) for s in ((3 * c, 3 * c), (f, f), (f, 3 * c))),

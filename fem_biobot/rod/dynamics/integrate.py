@@ -1,26 +1,34 @@
-"""Motion of an assembly over time: the driver of both integrators, with step control, sampling and the energy book."""
+"""Motion of an assembly over time: the driver of both integrators, with step control, sampling and the energy book.
+
+motion = dynamics(model, duration=1.0, step=1e-3, ground=Ground(0.5, 0.3), drive=lambda t: abs(np.sin(2 * np.pi * t)))
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.rod.address.kernels import by_address, entry
 from fem_biobot.rod.arrays import Contacts
 from fem_biobot.rod.assembly import kernels as assembly_kernels
-from fem_biobot.rod.contact.kernels import STICK
+from fem_biobot.rod.contact.kernels import solve_friction
 from fem_biobot.rod.contact.scratch import scratch
 from fem_biobot.rod.dynamics import kernels
-from fem_biobot.rod.dynamics.arrays import BOOK, Plane, State, copied, work_for
+from fem_biobot.rod.dynamics.arrays import BOOK, copied, work_for
+from fem_biobot.rod.dynamics.book.kernels import accept
+from fem_biobot.rod.dynamics.motion import Checkpoint, Motion, MotionInterrupted
+from fem_biobot.rod.dynamics.settings import Integrator, Settings
+from fem_biobot.rod.dynamics.start import fits, plane_of, refuse_inside, refuse_massless, state_of
 from fem_biobot.rod.explicit import kernels as explicit_kernels
+from fem_biobot.rod.explicit.stability import longest_step
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.parts.kernels import contact
 from fem_biobot.rod.records import Ground
+
+__all__ = ["Checkpoint", "Drive", "Integrator", "Motion", "MotionInterrupted", "Settings", "dynamics"]
 
 Array = NDArray[np.float64]
 Drive = Callable[[float], float]
@@ -33,169 +41,7 @@ _OUTCOMES = {
     kernels.CONTACT: "the contact problem was not solved",
     kernels.WOUND: "an element turns by more than 3 rad or left the numbers",
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """A motion, sampled.
-
-    Attributes
-    ----------
-    model, ground
-        What moved, and on what.
-    times
-        Of the samples, (s,) [s].
-    x, Q, v
-        Nodes: positions (s, n, 3) [mm], directors (s, n, 3, 3), velocities (s, n, 6).
-    contact_force
-        Mean force of the ground on each contact point since the last sample, normal and two tangential, (s, c, 3) [mN].
-    touch
-        Of each point at the sample: `LIFTED`, `STICK` or `SLIP` of `rod.contact.kernels`, (s, c).
-    slip_share, contact_share
-        Share of the time since the sample before in which a point slipped, or bore a force, (s, c) [1].
-    book
-        Energies at the samples, (s, 10) [uJ]; columns are `BOOK`.
-    drive
-        Of the muscles, (s,) [1].
-    steps, iterations, factorisations, halved
-        How much work it was, and how many steps had to be halved.
-    largest_residual
-        Of the steps accepted, relative.
-    final
-        Where it ended, to go on from.
-    """
-
-    model: RodModel
-    ground: Ground | None
-    times: Array
-    x: Array
-    Q: Array
-    v: Array
-    contact_force: Array
-    touch: NDArray[np.int64]
-    slip_share: Array
-    contact_share: Array
-    book: Array
-    drive: Array
-    steps: int
-    iterations: int
-    factorisations: int
-    halved: int
-    largest_residual: float
-    final: Checkpoint
-
-    def state(self, i: int) -> RodState:
-        """The sample `i`."""
-        return RodState(
-            self.model, self.x[i].copy(), self.Q[i].copy(), self.v[i].copy(), float(self.drive[i]), float(self.times[i])
-        )
-
-    def energy(self, name: str) -> Array:
-        """A column of the book, (s,) [uJ]."""
-        return self.book[:, BOOK.index(name)]
-
-    @property
-    def energy_error(self) -> Array:
-        """What the book does not explain, (s,) [uJ]: states now less states at first less all sums."""
-        stored = self.book[:, :3].sum(axis=1)
-        return stored - stored[0] - (self.book[:, 3:] - self.book[0, 3:]).sum(axis=1)
-
-    @property
-    def centre_of_mass(self) -> Array:
-        """(s, 3) [mm]"""
-        mass = self.model.assembly.inertia.mass
-        return np.einsum("n,snc->sc", mass, self.x) / mass.sum()
-
-
-@dataclass(frozen=True, eq=False)
-class Checkpoint:
-    """Everything from which a motion goes on as if it had not stopped."""
-
-    state: State
-    book: Array
-    time: float
-    steps: int = 0
-
-    def arrays(self) -> dict[str, Array]:
-        """For a file."""
-        named = {f"state_{k}": v for k, v in self.state._asdict().items()}
-        return {**named, "book": self.book, "time": np.array(self.time), "steps": np.array(self.steps)}
-
-    @classmethod
-    def from_arrays(cls, arrays: dict[str, Any]) -> Checkpoint:
-        """From what `arrays` gave."""
-        state = State(**{k: np.array(arrays[f"state_{k}"]) for k in State._fields})
-        return cls(state, np.array(arrays["book"]), float(arrays["time"]), int(arrays["steps"]))
-
-
-def plane_of(ground: Ground | None, c: int) -> Plane:
-    """Arrays of the ground."""
-    g = ground or Ground()
-    axes = g.axes
-    # slip against `forward` meets the reverse coefficient; sideways the forward one
-    return Plane(
-        np.ascontiguousarray(axes),
-        float(g.height),
-        np.array(g.velocity, dtype=float),
-        np.tile(g.static_coefficients, (c, 1)),
-        np.tile(g.kinetic_coefficients, (c, 1)),
-    )
-
-
-def at_rest(model: RodModel, start: RodState | None, velocity: Array | None = None) -> State:
-    """State of the integrators for a start."""
-    start = start or model.drawn()
-    assembly = model.assembly
-    n, c, j = model.n_nodes, len(assembly.contacts.node), len(assembly.constraints.rows)
-    strain, lengths = np.zeros((len(assembly.damping), 6)), np.zeros(len(assembly.members.law))
-    assembly_kernels.measure(assembly, start.x, start.Q, strain, lengths)
-    v = start.v if velocity is None else np.asarray(velocity, dtype=float)
-    if v.shape != (n, 6):
-        raise ModelError(f"velocity: found shape {v.shape}, expected ({n}, 6)")
-    return State(
-        np.array(start.x),
-        np.array(start.Q),
-        np.array(v),
-        np.zeros((n, 6)),
-        np.zeros((c, 3)),
-        np.full(c, STICK, dtype=np.int64),
-        np.zeros((c, 2)),
-        np.zeros((j, 6)),
-        strain,
-        lengths,
-    )
-
-
-class Integrator(StrEnum):
-    """How time is stepped: see `rod.dynamics.kernels` and `rod.explicit.kernels`."""
-
-    implicit = "implicit"
-    explicit = "explicit"
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Of the integrators.
-
-    Attributes
-    ----------
-    integrator
-        Implicit for work; explicit as an independent witness, which needs steps below 2 over the highest angular
-        frequency of the model.
-    dissipation
-        Implicit only: c in ``theta = 1/2 + c step`` [1/s]: a mode of angular frequency w loses energy as with the damping ratio
-        ``c step^2 w``, on top of its own.
-    tolerance
-        Implicit only: unbalanced impulse relative to the largest that acts [1].
-    """
-
-    integrator: Integrator = Integrator.implicit
-    dissipation: float = 20.0
-    tolerance: float = 1e-9
-
-    def theta(self, step: float) -> float:
-        """Weight of the end of the step [1]."""
-        return min(0.5 + self.dissipation * step, 1.0)
+_INACCURATE = "its error stays above settings.largest_error"
 
 
 def dynamics(
@@ -210,7 +56,7 @@ def dynamics(
     settings: Settings | None = None,
     listener: Callable[[float], None] | None = None,
 ) -> Motion:
-    """Motion of an assembly from a start, by implicit time steps.
+    """Motion of an assembly from a start.
 
     Parameters
     ----------
@@ -221,9 +67,10 @@ def dynamics(
     ground
         None for no ground: contact points are then ignored.
     drive
-        Drive of the muscles over time [1]; none by default.
+        Drive of the muscles over time [1], at least 0; none by default.
     start
-        State to begin from (velocities included), or the checkpoint of another motion; by default as drawn, at rest.
+        State to begin from (velocities included) at time 0, or the checkpoint of another motion of the model, whose
+        time goes on; by default as drawn, at rest.
     sample_every
         Steps between samples.
     settings
@@ -234,122 +81,189 @@ def dynamics(
     Returns
     -------
     Motion
-        Samples at ``0, sample_every * step, ...``.
+        Samples at ``0, sample_every * step, ...`` and at the end. A motion that goes on from the checkpoint of one of
+        them, with the same step, repeats the uninterrupted one to the last bit.
 
     Raises
     ------
     ModelError
-        Times that are not positive, a start inside the ground.
+        Times that are not positive, a drive or load that is not a number, a start that does not fit or lies in the
+        ground, explicit steps longer than stability allows or of parts without mass.
     SolveError
-        A step that fails after being halved twelve times; `best` is the `Motion` up to there.
+        A step that fails after being halved twelve times; `best` is the `Motion` up to the last sample.
+    MotionInterrupted
+        A `KeyboardInterrupt` with the same `best`.
 
     Notes
     -----
     Order two in smooth motion and one across impacts and changes of stick and slip (see `rod.dynamics.kernels`). A step
-    that does not converge is halved, never accepted. Bodies without rotation about an axis keep their angular momentum
-    up to terms of the third order a step.
+    that does not converge is halved, never accepted.
     """
-    if not (np.isfinite(duration) and duration > 0.0) or not (np.isfinite(step) and step > 0.0):
-        raise ModelError(f"dynamics: found duration {duration!r} and step {step!r}, expected times above 0 s")
-    if sample_every < 1:
-        raise ModelError(f"dynamics: found sample_every {sample_every!r}, expected a whole number of at least 1")
-    run = _Run(model, ground, drive or (lambda t: 0.0), settings or Settings(), step)
+    for what, value in (("duration", duration), ("step", step)):
+        good = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
+        if not good or not np.isfinite(value) or not value > 0.0:
+            raise ModelError(f"dynamics: {what}: found {value!r}, expected a time above 0 s")
+    if step > duration * (1.0 + 1e-9):
+        raise ModelError(f"dynamics: step: found {step:g} s, expected at most the duration ({duration:g} s)")
+    if not isinstance(sample_every, int | np.integer) or sample_every < 1:
+        raise ModelError(
+            f"dynamics: sample_every: found {sample_every!r}, expected a whole number of steps, at least 1"
+        )
+    run = _Run(model, ground, drive or (lambda t: 0.0), settings or Settings(), float(step))
     run.begin(start)
-    total = max(1, round(duration / step))
-    done = 0
-    while done < total:
-        count = min(sample_every, total - done)
-        run.go(count)
-        done += count
-        run.sample()
-        if listener is not None:
-            listener(run.time)
+    left = round(duration / step)
+    try:
+        while left:
+            count = min(int(sample_every), left)
+            run.go(count)
+            left -= count
+            run.sample()
+            if listener is not None:
+                listener(run.time)
+    except KeyboardInterrupt:
+        raise MotionInterrupted(run.motion()) from None
     return run.motion()
 
 
-@dataclass
+class _ImplicitCalls(NamedTuple):
+    factorise: Any
+    friction: Any
+    accept: Any
+
+
+class _ExplicitCalls(NamedTuple):
+    joint_masses: Any
+    friction: Any
+
+
+class _Kept(NamedTuple):
+    """What is known at the last sample, replaced in one go so that an interrupt finds it whole."""
+
+    samples: int
+    final: Checkpoint
+    iterations: int
+    factorisations: int
+    halved: int
+    worst: float
+
+
 class _Run:
     """An integration under way."""
 
-    model: RodModel
-    ground: Ground | None
-    drive: Drive
-    settings: Settings
-    step: float
-    samples: list[dict[str, Any]] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("iterations", "factorisations", "halved"), 0))
-    worst: float = 0.0
+    def __init__(self, model: RodModel, ground: Ground | None, drive: Drive, settings: Settings, step: float) -> None:
+        self.model, self.ground, self.drive, self.settings, self.step = model, ground, drive, settings, step
+        self.samples: list[dict[str, Any]] = []
+        self.iterations = self.factorisations = self.halved = 0
+        self.worst = 0.0
+        self.level = 0  # how often the last step was divided for its error
 
     def begin(self, start: RodState | Checkpoint | None) -> None:
+        """Arrays of the start; refuses what cannot be."""
         model = self.model
-        self.assembly = model.assembly
-        if self.ground is None and len(self.assembly.contacts.node):
+        self.assembly, self.system = model.assembly, model.system
+        if self.ground is None:
             no_points: list[Any] = [np.ascontiguousarray(a[:0]) for a in self.assembly.contacts]
             self.assembly = self.assembly._replace(contacts=Contacts(*no_points))
-        system = model.system
-        if self.ground is None:
-            system = system._replace(touching=system.touching[:0].copy(), foot=system.foot[:0].copy())
-        self.system = system
+            self.system = self.system._replace(
+                touching=self.system.touching[:0].copy(), foot=self.system.foot[:0].copy()
+            )
         c = len(self.assembly.contacts.node)
         self.plane = plane_of(self.ground, c)
+        explicit = self.settings.integrator is Integrator.explicit
+        if explicit:
+            refuse_massless(model, self.assembly)
         if isinstance(start, Checkpoint):
-            self.state = copied(start.state)
-            self.book, self.first, self.n_steps = start.book.copy(), start.time, start.steps
+            if not fits(start.state, state_of(self.assembly, model.drawn())):
+                raise ModelError("start: found a checkpoint of another model or ground, expected one of this model")
+            self.state, self.book = copied(start.state), start.book.copy()
+            same = start.step == self.step
+            self.origin = start.begin if same else start.time
+            self.n_steps = start.steps if same else 0
         else:
-            made = at_rest(model, start)
-            self.state = made._replace(
-                impulse=made.impulse[:c].copy(), touch=made.touch[:c].copy(), slide=made.slide[:c].copy()
-            )
-            self.book, self.first, self.n_steps = np.zeros(len(BOOK)), 0.0, 0
-            self._refuse_start_inside()
-            self._enter_start()
-        self._refuse_massless()
-        self.origin = self.n_steps
-        self.work = work_for(self.state, system.n_blocks, len(system.touching))
+            self.state, self.book = state_of(self.assembly, start or model.drawn()), np.zeros(len(BOOK))
+            self.origin, self.n_steps = 0.0, 0
+            refuse_inside(self.assembly, self.plane, self.state)
+            there = RodState(model, self.state.x, self.state.Q, self.state.v)
+            parts = assembly_kernels.energies(self.assembly, self.state.x, self.state.strain, self.state.lengths)
+            self.book[:3] = there.kinetic_energy, *parts
+        self.n_first = self.n_steps
+        none = model.pull(0.0)
+        self.pull_from, self.pull_by = none, model.pull(1.0) - none
+        self.work = work_for(self.state, self.system.n_blocks, len(self.system.touching))
         self.scratch = scratch(c)
         self.tally = np.zeros((c, 5))
         lengths = self.assembly.elements.length
-        span = np.ptp(self.model.built.x, axis=0)
-        self.arm = float(lengths.mean()) if len(lengths) else max(float(np.linalg.norm(span)), 1.0)
+        span = float(np.linalg.norm(np.ptp(model.built.x, axis=0)))
+        self.arm = float(lengths.mean()) if len(lengths) else (span or 1.0)
         self.since = 1.0
+        if explicit:
+            pull = self._tables(np.array([self.time]))[0][0]
+            longest = longest_step(self.assembly, self.system, self.state, pull, self.step)
+            if longest < self.step:
+                raise ModelError(
+                    f"dynamics: step: found {self.step:g} s, expected at most {longest:.3g} s for explicit steps of "
+                    "this model (its stiffest mode grows otherwise)"
+                )
+        self._prepare(explicit)
         self.sample()
+
+    def _prepare(self, explicit: bool) -> None:
+        """Compile or load the kernels, and bind what stays the same in all steps."""
+        A, S, W, P, state = self.assembly, self.system, self.work, self.plane, self.state
+        row, rooms = np.zeros(0), (W, self.scratch, self.book, self.tally)
+        pulls, factors = self._tables(np.array([self.time]))
+        friction = by_address(
+            solve_friction, W.W, W.b, P.static, P.kinetic, state.touch, state.slide, W.p, W.w, self.scratch, 0.0, 0
+        )
+        if explicit:
+            calls: Any = _ExplicitCalls(by_address(explicit_kernels.joint_masses, A, S, W), friction)
+            run = entry(explicit_kernels.explicit_run, A, S, state, P, 0.0, pulls, factors, calls, *rooms)
+            self.run = lambda h, pulls, factors: run(A, S, state, P, h, pulls, factors, calls, *rooms)
+            return
+        calls = _ImplicitCalls(
+            by_address(kernels.factorise, A, S, 0.0, 0.0, row, W),
+            friction,
+            by_address(accept, A, S, state, 0.0, 0.0, row, row, W, self.book, self.tally),
+        )
+        theta, limits = self.settings.theta, (self.arm, self.settings.tolerance, _MOST_ITERATIONS, calls)
+        run = entry(kernels.implicit_run, A, S, state, P, 0.0, 0.0, pulls, factors, *limits, *rooms)
+        self.run = lambda h, pulls, factors: run(A, S, state, P, h, theta(h), pulls, factors, *limits, *rooms)
 
     @property
     def time(self) -> float:
-        return self.first + (self.n_steps - self.origin) * self.step
+        """Reached [s]."""
+        return self.origin + self.n_steps * self.step
 
-    def _refuse_start_inside(self) -> None:
-        contacts, size = self.assembly.contacts, 1.0 + float(np.abs(self.state.x).max())
-        rows = np.zeros((3, 6))
-        for k in range(len(contacts.node)):
-            gap = contact(contacts, k, self.state.x, self.state.Q, self.plane.axes, self.plane.height, rows)
-            if gap < -1e-6 * size:
-                raise ModelError(
-                    f"start: contact point {k} lies {-gap:.3g} mm inside the ground, expected on or above it "
-                    "(lower the ground or lift the machine)"
-                )
-
-    def _refuse_massless(self) -> None:
-        inertia = self.assembly.inertia
-        free = inertia.held == 0
-        if self.settings.integrator is Integrator.explicit and free.any():
-            least = np.minimum(inertia.mass, np.linalg.eigvalsh(inertia.J)[:, 0])[free].min()
-            if not least > 0.0:
-                raise ModelError("dynamics: a part has no mass or no inertia, expected some for explicit steps")
-
-    def _enter_start(self) -> None:
-        state = RodState(self.model, self.state.x, self.state.Q, self.state.v)
-        elastic, weight = assembly_kernels.energies(self.assembly, self.state.x, self.state.strain, self.state.lengths)
-        self.book[:3] = state.kinetic_energy, elastic, weight
+    def _tables(self, times: Array) -> tuple[Array, Array]:
+        """Active tensions (s, k) and load factors (s, l) at times; refuses what is not a number."""
+        drive = np.array([self.drive(float(t)) for t in times], dtype=float)
+        bad = np.flatnonzero(~(np.isfinite(drive) & (drive >= -1e-9)))
+        if len(bad):
+            t = times[bad[0]]
+            raise ModelError(f"dynamics: drive: found {drive[bad[0]]} at {t:g} s, expected a number of at least 0")
+        factors = np.ones((len(times), len(self.model.built.histories)))
+        for column, history in enumerate(self.model.built.histories):
+            if history is not None:
+                factors[:, column] = [history(float(t)) for t in times]
+        if not np.isfinite(factors).all():
+            t = times[np.flatnonzero(~np.isfinite(factors).all(axis=1))[0]]
+            raise ModelError(f"dynamics: history of a load: not a finite number at {t:g} s, expected one at every time")
+        return self.pull_from + drive[:, None] * self.pull_by, factors
 
     def go(self, count: int) -> None:
-        """`count` steps; a failing one is halved as often as it takes."""
+        """`count` steps; one that fails is halved as often as it takes."""
         self.tally[:] = 0.0
         self.since = count * self.step
+        self.level = 0  # as if begun from here, so that a run that goes on from a sample repeats
+        if self.settings.largest_error is not None:
+            for _ in range(count):
+                first, self.level = max(self.level - 1, 0), 0
+                self._accurate(self.time, self.step, 0, first)
+                self.n_steps += 1
+            return
         left = count
         while left:
-            times = self.time + self.step * np.arange(left + 1, dtype=float)
-            made = self._advance(times, self.step)
+            made = self._advance(self.time + self.step * np.arange(left + 1, dtype=float), self.step)
             self.n_steps += made
             left -= made
             if left:
@@ -358,42 +272,57 @@ class _Run:
                 left -= 1
 
     def _advance(self, times: Array, h: float) -> int:
-        pulls = np.array([self.model.pull(self.drive(t)) for t in times])
-        factors = np.array([self.model.load_factors(t) for t in times])
-        pulls, factors = pulls.reshape(len(times), -1), factors.reshape(len(times), -1)
-        if self.settings.integrator is Integrator.explicit:
-            made, self.outcome, residual = explicit_kernels.explicit_run(
-                self.assembly, self.system, self.state, self.plane, h, pulls, factors,
-                self.work, self.scratch, self.book, self.tally,
-            )  # fmt: skip
-            self.worst = max(self.worst, residual)
-            return made
-        made, self.outcome, iterations, factorisations, residual = kernels.implicit_run(
-            self.assembly, self.system, self.state, self.plane, h, self.settings.theta(h), pulls, factors,
-            self.arm, self.settings.tolerance, _MOST_ITERATIONS, self.work, self.scratch, self.book, self.tally,
-        )  # fmt: skip
-        self.counts["iterations"] += iterations
-        self.counts["factorisations"] += factorisations
-        if self.outcome == kernels.CONVERGED:
-            self.worst = max(self.worst, residual)
+        """Steps of length `h` between the times, as many as succeed."""
+        pulls, factors = self._tables(times)
+        made, self.outcome, *counts, residual = self.run(h, pulls, factors)
+        if counts:
+            self.iterations += counts[0]
+            self.factorisations += counts[1]
+        self.worst = max(self.worst, residual)
         return made
 
     def _halved(self, time: float, h: float, depth: int) -> None:
         """One step in two halves, each halved again if it fails."""
-        self.counts["halved"] += 1
+        self.halved += 1
         for half in range(2):
             begin = time + half * h / 2
             if self._advance(np.array([begin, begin + h / 2]), h / 2) == 1:
                 continue
             if depth == _HALVINGS:
-                raise SolveError(
-                    f"dynamics: at {begin:.6g} s a step of {h / 2:.3g} s fails: {_OUTCOMES[self.outcome]}",
-                    best=self.motion(),
-                    reason=_OUTCOMES[self.outcome],
-                )
+                self._fail(begin, h / 2, _OUTCOMES[self.outcome])
             self._halved(begin, h / 2, depth + 1)
 
+    def _accurate(self, time: float, h: float, depth: int, first: int) -> None:
+        """One step in two halves that agree with it, or in halves of which that is true; not tried before `first`."""
+        if depth >= first:
+            self.level = max(self.level, depth)
+            before = copied(self.state), self.book.copy(), self.tally.copy(), self.worst
+            whole = self._advance(np.array([time, time + h]), h) == 1
+            there = self.state.x.copy()
+            self._restore(*before)
+            made = self._advance(time + 0.5 * h * np.arange(3.0), 0.5 * h)
+            limit = self.settings.largest_error
+            if whole and made == 2 and limit is not None and np.abs(self.state.x - there).max() <= limit:
+                return
+            self._restore(*before)
+            if depth == _HALVINGS:
+                self._fail(time, h, _INACCURATE if made == 2 else _OUTCOMES[self.outcome])
+            self.halved += 1
+        for half in range(2):
+            self._accurate(time + half * h / 2, h / 2, depth + 1, first)
+
+    def _restore(self, state: Any, book: Array, tally: Array, worst: float) -> None:
+        for to, a in zip(self.state, state, strict=True):
+            to[...] = a
+        self.book[:], self.tally[:], self.worst = book, tally, worst
+
+    def _fail(self, time: float, h: float, reason: str) -> None:
+        raise SolveError(
+            f"dynamics: at {time:.6g} s a step of {h:.3g} s fails: {reason}", best=self.motion(), reason=reason
+        )
+
     def sample(self) -> None:
+        """Keep what there is now."""
         s = self.state
         self.samples.append(
             {
@@ -409,18 +338,24 @@ class _Run:
                 "drive": float(self.drive(self.time)),
             }
         )
+        final = Checkpoint(copied(s), self.book.copy(), self.time, self.n_steps, self.step, self.origin)
+        counts = (self.iterations, self.factorisations, self.halved, self.worst)
+        self.kept = _Kept(len(self.samples), final, *counts)
 
     def motion(self) -> Motion:
-        columns: dict[str, Any] = {key: np.array([s[key] for s in self.samples]) for key in self.samples[0]}
-        end = Checkpoint(copied(self.state), self.book.copy(), self.time, self.n_steps)
+        """Up to the last sample."""
+        kept = self.kept
+        columns: dict[str, Any] = {
+            key: np.array([s[key] for s in self.samples[: kept.samples]]) for key in self.samples[0]
+        }
         return Motion(
             self.model,
             self.ground,
             **columns,
-            steps=self.n_steps - self.origin,
-            iterations=self.counts["iterations"],
-            factorisations=self.counts["factorisations"],
-            halved=self.counts["halved"],
-            largest_residual=self.worst,
-            final=end,
+            steps=kept.final.steps - self.n_first,
+            iterations=kept.iterations,
+            factorisations=kept.factorisations,
+            halved=kept.halved,
+            largest_residual=kept.worst,
+            final=kept.final,
         )

@@ -1,0 +1,1 @@
+"""The contact problem of a step, condensed on the nodes that touch."""

@@ -1,0 +1,1 @@
+"""Inertia of the nodes and arrays of theirs."""

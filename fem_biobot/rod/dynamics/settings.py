@@ -1,0 +1,71 @@
+"""Settings of the time integrators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from fem_biobot.errors import ModelError
+
+
+class Integrator(StrEnum):
+    """How time is stepped: see `rod.dynamics.kernels` and `rod.explicit.kernels`."""
+
+    implicit = "implicit"
+    explicit = "explicit"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of the integrators.
+
+    Attributes
+    ----------
+    integrator
+        Implicit for work; explicit as an independent witness, whose step is limited by the stiffest element.
+    dissipation
+        Implicit only: c in ``theta = 1/2 + c step`` [1/s], at most 1: a mode of angular frequency w is damped with the
+        damping ratio ``c step^2 w`` on top of its own, as long as ``w step`` is small.
+    tolerance
+        Implicit only: unbalanced impulse relative to the largest that acts, and gaps of joints relative to an element's
+        length [1]. Rounding of momenta and of the stiffest forces is allowed beyond it.
+    largest_error
+        Implicit only: adapts the step. Each step is compared with two of half its length and divided until no node's
+        position differs by more than this [mm]; the halves are kept. A third of it is then the error of the step where
+        motion is smooth. By default every step is as long as asked for.
+    """
+
+    integrator: Integrator = Integrator.implicit
+    dissipation: float = 20.0
+    tolerance: float = 1e-9
+    largest_error: float | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "integrator", Integrator(self.integrator))
+        except ValueError:
+            known = " or ".join(Integrator)
+            raise ModelError(f"settings: integrator: found {self.integrator!r}, expected {known}") from None
+        if not _number(self.dissipation) or self.dissipation < 0.0:
+            raise ModelError(f"settings: dissipation: found {self.dissipation!r}, expected a number of at least 0 1/s")
+        if not _number(self.tolerance) or not 1e-12 <= self.tolerance <= 1e-3:
+            raise ModelError(f"settings: tolerance: found {self.tolerance!r}, expected a number from 1e-12 to 1e-3")
+        if self.largest_error is None:
+            return
+        if not _number(self.largest_error) or not self.largest_error > 0.0:
+            raise ModelError(f"settings: largest_error: found {self.largest_error!r}, expected a length above 0 mm")
+        if self.integrator is Integrator.explicit:
+            raise ModelError(
+                "settings: largest_error: explicit steps have one length, expected the implicit integrator"
+            )
+
+    def theta(self, step: float) -> float:
+        """Weight of the end of the step [1]."""
+        return min(0.5 + self.dissipation * step, 1.0)
+
+
+def _number(value: object) -> bool:
+    good = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
+    return good and bool(np.isfinite(value))  # type: ignore[arg-type]

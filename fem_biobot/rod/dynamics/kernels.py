@@ -267,7 +267,7 @@ def _step(
         if not np.isfinite(residual):
             return SLOW, iteration, factorisations, residual
         if iteration > 0 and residual <= allowed and trouble <= CONTACT_ACCEPTED:
-            return CONVERGED, iteration, factorisations, residual / max(scale, rounding, 1e-300)
+            return CONVERGED, iteration, factorisations, tolerance * residual / max(allowed, 1e-300)
         if not fresh or (since >= _STALE and residual > 0.1 * before):
             if not calls.factorise(assembly, system, h, theta, load_factor, work):
                 return SINGULAR, iteration, factorisations, residual

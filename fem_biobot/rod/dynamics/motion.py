@@ -76,7 +76,8 @@ class Motion:
     steps, iterations, factorisations, halved
         How much work it was, and how many steps had to be halved.
     largest_residual
-        Of the steps accepted, relative: of momentum for implicit steps, of the contact problem for explicit ones.
+        Of the steps accepted, relative: of momentum for implicit steps (as `Settings.tolerance`), of the contact
+        problem for explicit ones.
     final
         Where the last sample is, to go on from.
     """

@@ -32,9 +32,10 @@ class Settings:
         Implicit only: unbalanced impulse relative to the largest that acts, and gaps of joints relative to an element's
         length [1]. Rounding of momenta and of the stiffest forces is allowed beyond it.
     largest_error
-        Implicit only: adapts the step. Each step is compared with two of half its length and divided until no node's
-        position differs by more than this [mm]; the halves are kept. A third of it is then the error of the step where
-        motion is smooth. By default every step is as long as asked for.
+        Implicit only: adapts the step. Each is compared with two of half its length and divided until, for no node,
+        its positions at the end and those to which its velocities lead in one such step differ by more than this [mm];
+        the halves are kept. A third of it is about the error of one step where motion is smooth, and steps add theirs
+        up. Across impacts steps become short. By default every step is as long as asked for.
     """
 
     integrator: Integrator = Integrator.implicit

@@ -618,8 +618,8 @@ def verdict(found: Speed) -> list[str]:
 
 FOUND = """
 Two cores shared with other work; two runs of seven minutes, medians of five interleaved rounds each; every contender
-kept at most one core busy. What no table of this study shows was measured once, beside it. PyElastica 1.0.0 was timed over 0.5 simulated seconds, ours over 25. Where two numbers
-stand, they are those of the two runs.
+kept at most one core busy. PyElastica 1.0.0 was timed over 0.5 simulated seconds, ours over 25. Where two numbers
+stand, they are those of the two runs; what no table of this study shows was measured once, beside it.
 
 processor seconds per simulated second          step     stroke   off its refinement
   ours, five rods                               5 ms     0.848    0.7 %    0.080, 0.081

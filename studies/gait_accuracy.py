@@ -1,0 +1,404 @@
+"""Study: how accurate the steps of the walking junction bot are, gait by gait.
+
+Question
+--------
+How much do stroke and net advance per stroke at 0.5, 1, 2 and 4 Hz change with the beam's elements, with the time step
+and with the integrator? Which gaits coexist, and which share of slightly different starts finds each?
+
+Run: ``python studies/gait_accuracy.py [--level smoke|full] [--out FOLDER]``; ten to fifteen minutes at level full.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fem_biobot.config import load_design
+from fem_biobot.files import replacing
+from fem_biobot.progress import show_tables
+from fem_biobot.rod.dynamics.integrate import Settings
+from fem_biobot.rod.ensemble import Ensemble, Gait, walk_ensemble
+from fem_biobot.rod.records import Ground
+from fem_biobot.rod.reduce import reduce
+from fem_biobot.rod.walk import walk
+from fem_biobot.solid.sharing import usable_threads
+from fem_biobot.study.outputs import write_table
+from fem_biobot.tables import Table
+
+Row = dict[str, Any]
+
+# --- design -----------------------------------------------------------------------------------------------------------
+#
+# The junction bot in air with the tensions of the published rod code: 0.8 mN at rest and 2.4 mN more at full drive on
+# its section of 0.88 mm^2 (with the standing tension of the preset its feet stick and nothing moves). Damping time of
+# gel and muscle (Kelvin-Voigt) 1e-4 s. Friction as published, 0.42 static and 0.3 kinetic; and 0.3 for both, which
+# leaves out the jump from stick to slip and is the smooth reference.
+
+DESIGN = "junction_bot"
+TENSIONS = ("muscle.passive_tension = 0.9 kPa", "muscle.active_tension = 2.7 kPa", "numerics.damping_time = 0.1 ms")
+PUBLISHED, SMOOTH = "0.42 / 0.3", "0.3 / 0.3"
+GROUNDS = {PUBLISHED: Ground(0.42, 0.3), SMOOTH: Ground(0.3, 0.3)}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """How a walk is computed: elements of the beam, time step [s]."""
+
+    name: str
+    elements: int
+    step: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Starts, strokes and strokes left out of the means of an ensemble."""
+
+    starts: int
+    strokes: int
+    discard: int
+
+
+@dataclass(frozen=True)
+class Level:
+    """Size of the study: the first variant is what others are compared with; explicit step [s] and strokes."""
+
+    variants: tuple[Variant, ...]
+    frequencies: tuple[float, ...]
+    plans: dict[str, dict[float, Plan]]
+    explicit_step: float
+    explicit_strokes: int
+    witness_step: float  # of implicit steps beside the explicit ones
+
+
+BASE, COARSE, HALF = "16 elements, 0.25 ms", "16 elements, 1 ms", "16 elements, 0.5 ms"
+FINE_STEP, FINE_MESH = "16 elements, 0.125 ms", "32 elements, 0.25 ms"
+
+LEVELS = {
+    "smoke": Level(
+        (Variant("8 elements, 0.5 ms", 8, 5e-4), Variant("8 elements, 1 ms", 8, 1e-3)),
+        (4.0,),
+        {SMOOTH: {4.0: Plan(2, 6, 3)}},
+        1.0 / 160_000,
+        1,
+        5e-4,
+    ),
+    "full": Level(
+        (
+            Variant(BASE, 16, 2.5e-4),
+            Variant(COARSE, 16, 1e-3),
+            Variant(HALF, 16, 5e-4),
+            Variant(FINE_STEP, 16, 1.25e-4),
+            Variant(FINE_MESH, 32, 2.5e-4),
+        ),
+        (0.5, 1.0, 2.0, 4.0),
+        {
+            PUBLISHED: {0.5: Plan(3, 16, 8), 1.0: Plan(4, 24, 12), 2.0: Plan(8, 24, 12), 4.0: Plan(16, 24, 12)},
+            SMOOTH: {f: Plan(2, 8, 4) for f in (0.5, 1.0, 2.0, 4.0)},
+        },
+        1.0 / 320_000,
+        4,
+        6.25e-5,
+    ),
+}
+
+# --- quantity, and why it can converge --------------------------------------------------------------------------------
+#
+# A walk from a nudged start falls onto a gait: the same strokes again and again, or a group of strokes. The advance of
+# the centre of mass per stroke and the swing of the tip closing, means over the strokes after the transient, are then
+# properties of the gait and not of the start, and converge with mesh and step as long as the gait exists. Which gait a
+# start finds is another matter: shares converge with the number of starts alone, as their interval says. Ensembles of
+# all variants have the same nudges, start by start.
+#
+# With static above kinetic friction the time at which a foot breaks loose is rounded to a step, and what follows is
+# released at once: a first-order error, and gaits that a coarse step finds need not exist. With equal coefficients the
+# force of friction is continuous through stick and slip.
+#
+# Changes are given in per cent of the advance of the gait compared with, and in per cent of its stroke: an advance near
+# zero has no relative error of its own. Explicit steps share with implicit ones the forces and the contact law. They go
+# on from where the first walk of each gait ended, over a few strokes, of which the first is left out; the implicit
+# steps that they are compared with do the same.
+
+SAME = 0.05  # of the stroke: gaits of two variants that differ by more have no counterpart
+
+
+@dataclass
+class Study:
+    """One row a gait, and one a continuation with explicit steps."""
+
+    gaits: list[Row] = field(default_factory=list)
+    witness: list[Row] = field(default_factory=list)
+    base: str = ""
+
+
+# --- run --------------------------------------------------------------------------------------------------------------
+
+
+def model_of(elements: int) -> Any:
+    """The bot as rods."""
+    return reduce(load_design(DESIGN, TENSIONS), beam_elements=elements)
+
+
+def ensemble(variant: Variant, friction: str, frequency: float, plan: Plan) -> Ensemble:
+    """Walks of one variant."""
+    return walk_ensemble(
+        model_of(variant.elements),
+        frequency,
+        ground=GROUNDS[friction],
+        starts=plan.starts,
+        duration=plan.strokes / frequency,
+        discard=plan.discard,
+        step=variant.step,
+    )
+
+
+def gait_row(found: Ensemble, gait: Gait, variant: str, friction: str) -> Row:
+    """Numbers of one gait."""
+    walks = [found.walks[k] for k in gait.members]
+    low, high = gait.interval_mm
+    stroke = np.array([w.stroke_mm for w in walks])
+    return {
+        "friction": friction,
+        "frequency_Hz": walks[0].frequency,
+        "variant": variant,
+        "starts_1": len(found.walks),
+        "share_1": gait.share,
+        "share_low_1": gait.share_interval[0],
+        "share_high_1": gait.share_interval[1],
+        "advance_mm": gait.step_mm,
+        "spread_mm": None if math.isnan(gait.spread_mm) else gait.spread_mm,
+        "reach_mm": None if math.isnan(low) else (high - low) / 2,
+        "between_strokes_mm": float(np.mean([w.step_spread_mm for w in walks])),
+        "stroke_mm": float(stroke.mean()),
+        "halved_1": sum(w.motion.halved for w in walks),
+        "residual_1": max(w.motion.largest_residual for w in walks),
+        "energy_error_1": max(w.energy_error_1 for w in walks),
+    }
+
+
+def compare(row: Row, others: Iterable[Row]) -> None:
+    """Add to a gait how far it lies from the nearest of those of another variant."""
+    base = min(others, key=lambda other: abs(other["advance_mm"] - row["advance_mm"]))
+    apart = row["advance_mm"] - base["advance_mm"]
+    row["counterpart"] = abs(apart) < SAME * base["stroke_mm"]
+    if not row["counterpart"]:
+        return
+    row["change_pct"] = 100.0 * abs(apart / base["advance_mm"])
+    row["change_of_stroke_pct"] = 100.0 * abs(apart) / base["stroke_mm"]
+    row["stroke_change_pct"] = 100.0 * abs(row["stroke_mm"] / base["stroke_mm"] - 1.0)
+    reaches = (row["reach_mm"], base["reach_mm"])
+    if None not in reaches:
+        row["reach_pct"] = 100.0 * math.hypot(*reaches) / abs(base["advance_mm"])
+
+
+def witness_rows(level: Level, base: Ensemble, gait: Gait, friction: str) -> list[Row]:
+    """The same few strokes by implicit steps, by finer ones, and by explicit ones."""
+    first = base.walks[gait.members[0]]
+    strokes, variant = level.explicit_strokes, level.variants[0]
+    ways = [
+        (f"implicit, {1e3 * variant.step:g} ms", variant.step, "implicit"),
+        (f"implicit, {1e3 * level.witness_step:g} ms", level.witness_step, "implicit"),
+        (f"explicit, {1e6 * level.explicit_step:.4g} us", level.explicit_step, "explicit"),
+    ]
+    rows = []
+    for name, step, integrator in ways if ways[0][1] != ways[1][1] else ways[::2]:
+        begin = time.thread_time()
+        found = walk(
+            first.model,
+            frequency=first.frequency,
+            duration=strokes / first.frequency,
+            ground=GROUNDS[friction],
+            step=step,
+            discard=min(1, strokes - 1),
+            settings=Settings(integrator=integrator),  # type: ignore[arg-type]
+            start=first.motion.final,
+            rest=first.start,
+        )
+        rows.append(
+            {
+                "friction": friction,
+                "frequency_Hz": first.frequency,
+                "gait_mm": gait.step_mm,
+                "way": name,
+                "advance_mm": found.step_mm,
+                "stroke_mm": found.stroke_mm,
+                "last_mm": float(found.advances[-1]),
+                "halved_1": found.motion.halved,
+                "energy_error_1": found.energy_error_1,
+                "cpu_s": time.thread_time() - begin,
+            }
+        )
+    explicit = rows[-1]
+    for row in rows[:-1]:
+        apart = abs(row["advance_mm"] - explicit["advance_mm"])
+        row["off_explicit_pct"] = 100.0 * apart / abs(explicit["advance_mm"])
+        row["off_explicit_of_stroke_pct"] = 100.0 * apart / explicit["stroke_mm"]
+        row["stroke_off_explicit_pct"] = 100.0 * abs(row["stroke_mm"] / explicit["stroke_mm"] - 1.0)
+    return rows
+
+
+def run(level: str) -> Study:
+    """All ensembles of a level, two at a time where there are two processors, then the explicit steps."""
+    size = LEVELS[level]
+    study = Study(base=size.variants[0].name)
+    cases = [
+        (variant, friction, frequency, plan)
+        for friction, plans in size.plans.items()
+        for frequency, plan in plans.items()
+        for variant in size.variants
+    ]
+
+    def cost(case: tuple[Variant, str, float, Plan]) -> float:
+        variant, _, frequency, plan = case
+        return plan.starts * plan.strokes / frequency / variant.step
+
+    longest_first = sorted(cases, key=cost, reverse=True)
+    with ThreadPoolExecutor(min(2, usable_threads())) as pool:
+        done = dict(zip(longest_first, pool.map(_with(ensemble), longest_first), strict=True)) if cases else {}
+        jobs = []
+        for friction, plans in size.plans.items():
+            for frequency, plan in plans.items():
+                base = done[(size.variants[0], friction, frequency, plan)]
+                rows = [gait_row(base, gait, study.base, friction) for gait in base.gaits]
+                study.gaits += rows
+                for variant in size.variants[1:]:
+                    found = done[(variant, friction, frequency, plan)]
+                    for gait in found.gaits:
+                        row = gait_row(found, gait, variant.name, friction)
+                        compare(row, rows)
+                        study.gaits.append(row)
+                jobs += [(size, base, gait, friction) for gait in base.gaits]
+        for rows in pool.map(_with(witness_rows), jobs):
+            study.witness += rows
+    return study
+
+
+def _with(action: Any) -> Any:
+    return lambda arguments: action(*arguments)
+
+
+# --- expect -----------------------------------------------------------------------------------------------------------
+
+# largest changes of the advance, per cent of the stroke, and of the stroke, per cent
+LIMITS = {FINE_MESH: (0.5, 0.5), HALF: (1.0, 1.0)}
+WITNESS_LIMIT = {"smoke": 5.0, "full": 2.0}  # per cent of the stroke, step of the first variant
+
+
+def expect(study: Study, level: str) -> None:
+    """What must hold at every level."""
+    assert study.gaits, "no gait was found"
+    assert study.witness, "no explicit step was made"
+    for row in study.gaits:
+        where = f"{row['friction']}, {row['frequency_Hz']:g} Hz, {row['variant']}"
+        # 1e-9 is asked for; a step is accepted at that or is halved
+        assert row["residual_1"] <= 1e-9, f"{where}: a step was accepted at a residual of {row['residual_1']:.2g}"
+        assert row["energy_error_1"] < 1e-3, f"{where}: the book leaves {row['energy_error_1']:.2g} unexplained"
+        if row["friction"] == SMOOTH:
+            assert row["share_1"] == 1.0, f"{where}: starts part, {row['share_1']:.0%} find {row['advance_mm']:.4f} mm"
+            assert row["spread_mm"] < 1e-3 * row["stroke_mm"], f"{where}: starts scatter by {row['spread_mm']:.2g} mm"
+            if row["variant"] in LIMITS:
+                most, most_stroke = LIMITS[row["variant"]]
+                assert row["counterpart"], f"{where}: no gait of {study.base} is near"
+                changes = (row["change_of_stroke_pct"], most), (row["stroke_change_pct"], most_stroke)
+                assert all(a < b for a, b in changes), f"{where}: changes by {changes[0][0]:.2g} % of the stroke"
+    for row in study.witness:
+        if row["friction"] == SMOOTH and "off_explicit_of_stroke_pct" in row:
+            off = row["off_explicit_of_stroke_pct"]
+            where = f"{row['frequency_Hz']:g} Hz, {row['way']}"
+            assert off < WITNESS_LIMIT[level], f"{where}: {off:.2g} % of the stroke off explicit steps"
+
+
+# --- what was found ---------------------------------------------------------------------------------------------------
+
+FOUND = """
+"""
+
+# --- what was not looked at -------------------------------------------------------------------------------------------
+
+NOT_LOOKED_AT = """
+"""
+
+
+def tables(study: Study) -> list[Table]:
+    """What is printed."""
+    gaits = ("friction", "frequency_Hz", "variant", "advance_mm", "spread_mm", "between_strokes_mm", "stroke_mm")
+    gaits += ("share_1", "share_low_1", "share_high_1", "starts_1", "halved_1")
+    changes = ("friction", "frequency_Hz", "variant", "advance_mm", "counterpart", "change_pct", "reach_pct")
+    changes += ("change_of_stroke_pct", "stroke_change_pct")
+    witness = ("friction", "frequency_Hz", "way", "advance_mm", "last_mm", "stroke_mm", "off_explicit_pct")
+    witness += ("off_explicit_of_stroke_pct", "stroke_off_explicit_pct", "cpu_s")
+    shown = [Table("Gaits", gaits, _cells(study.gaits, gaits))]
+    others = [row for row in study.gaits if row["variant"] != study.base]
+    shown.append(Table(f"Changes from {study.base}", changes, _cells(others, changes)))
+    shown.append(Table("Continued for a few strokes", witness, _cells(study.witness, witness)))
+    return shown
+
+
+def _cells(rows: list[Row], names: tuple[str, ...]) -> tuple[tuple[object, ...], ...]:
+    return tuple(tuple(row.get(name) for name in names) for row in rows)
+
+
+def write(study: Study, folder: Path) -> None:
+    """CSV of gaits and of continuations, and a picture of the gaits against the time step."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(folder / "gaits.csv", study.gaits)
+    write_table(folder / "witness.csv", study.witness)
+    frequencies = list(dict.fromkeys(row["frequency_Hz"] for row in study.gaits))
+    figure = Figure(figsize=(2.0 + 2.6 * len(frequencies), 3.4), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(1, len(frequencies), squeeze=False)[0]
+    steps = {variant.name: variant for level in LEVELS.values() for variant in level.variants}
+    for panel, frequency in zip(panels, frequencies, strict=True):
+        for number, friction in enumerate(GROUNDS):
+            rows = [r for r in study.gaits if r["frequency_Hz"] == frequency and r["friction"] == friction]
+            for coarse, marker in ((True, "o"), (False, "s")):
+                some = [r for r in rows if (steps[r["variant"]].elements <= 16) == coarse]
+                if some:
+                    panel.scatter(
+                        [1e3 * steps[r["variant"]].step for r in some],
+                        [r["advance_mm"] for r in some],
+                        [80.0 * r["share_1"] for r in some],
+                        marker=marker,
+                        facecolors="none",
+                        edgecolors=f"C{number}",
+                        label=f"friction {friction}, " + ("16 elements" if coarse else "32 elements"),
+                    )
+            explicit = [r for r in study.witness if r["frequency_Hz"] == frequency and r["friction"] == friction]
+            for row in explicit:
+                if row["way"].startswith("explicit"):
+                    panel.axhline(row["advance_mm"], color=f"C{number}", linewidth=0.7)
+        panel.set_xscale("log")
+        panel.set_title(f"{frequency:g} Hz")
+        panel.set_xlabel("time step [ms]")
+        panel.axhline(0.0, color="0.7", linewidth=0.7, zorder=0)
+    panels[0].set_ylabel("advance per stroke [mm]")
+    panels[0].legend(frameon=False, fontsize=7)
+    with replacing(folder / "gait_accuracy.png") as temporary:
+        figure.savefig(temporary, format="png")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--level", choices=tuple(LEVELS), default="full")
+    parser.add_argument("--out", type=Path, default=Path("runs") / "studies" / "gait_accuracy")
+    options = parser.parse_args()
+    begin = time.perf_counter()
+    study = run(options.level)
+    show_tables(tables(study))
+    write(study, options.out)
+    print(f"\n{time.perf_counter() - begin:.0f} s; files in {options.out}")
+    expect(study, options.level)
+    print("every expectation holds")
+
+
+if __name__ == "__main__":
+    main()

@@ -51,7 +51,10 @@ TISSUES = {
 }
 PUBLISHED = "published, 0.9 kPa"
 # tissue and drive: with the paper's active forces, or all that the tissue has
-MUSCLES = tuple((tissue, "paper's force") for tissue in TISSUES) + ((PUBLISHED, "full"),)
+MUSCLES = {
+    "smoke": ((PUBLISHED, "full"),),
+    "full": (*((tissue, "paper's force") for tissue in TISSUES), (PUBLISHED, "full")),
+}
 MEDIA = {"air": "air", "submerged": "submerged"}
 RATIO = 0.3 / 0.42  # kinetic over static friction, as published
 STATIC = {"smoke": (0.42,), "full": (0.05, 0.1, 0.2, 0.42, 0.5)}
@@ -73,8 +76,8 @@ EVEN_SMOOTH, FRICTIONLESS = "without static friction and unequal pillars", "with
 # The step is the advance of the centre of mass in a stroke, mean over the strokes after the transient and over the
 # starts; positive toward the long pillar. Its error from mesh and step is of the order of one per cent of the stroke
 # (studies/gait_accuracy.py), and where static exceeds kinetic friction that of the gait a start happens to find, which
-# the spread over the starts shows. A direction is told where the step exceeds a hundredth of the stroke and its spread, and the
-# stroke 0.02 mm.
+# the spread over the starts shows. A direction is told where the step exceeds a hundredth of the stroke and its spread,
+# and the stroke 0.02 mm.
 #
 # Drives: `paper_amplitude`, 0.5, 1.0 and 1.4 mN at 0.5, 1 and 2 Hz, and at 4 Hz those of 2 Hz, since none is printed;
 # or full drive, which with the published tensions is 2.4 mN, as in the published code.
@@ -204,7 +207,7 @@ def amplitude(design: Design, drive: str, frequency: float) -> float:
 def map_cases(level: str) -> list[Case]:
     """Tissues, media, friction with and without static above kinetic, frequencies."""
     cases = []
-    for tissue, drive in MUSCLES:
+    for tissue, drive in MUSCLES[level]:
         for medium in MEDIA:
             design = design_of(tissue, medium)
             model = reduce(design, beam_elements=ELEMENTS[level])
@@ -353,7 +356,7 @@ def write(study: Study, folder: Path) -> None:
     figure = Figure(figsize=(11.0, 10.0), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     upper, lower = figure.subfigures(2, 1, height_ratios=(1.7, 1.0))
-    panels = upper.subplots(2, len(MUSCLES)).T.ravel()
+    panels = upper.subplots(len(MEDIA), len(places(study)) // len(MEDIA), squeeze=False).T.ravel()
     for panel, place in zip(panels, places(study), strict=True):
         for number, frequency in enumerate(frequencies):
             for law, line in (("static > kinetic", "-o"), ("equal", "--")):
@@ -377,6 +380,8 @@ def write(study: Study, folder: Path) -> None:
         panel.set_title("; ".join(place), fontsize=8)
         panel.set_xlabel("static friction [1]")
         panel.set_ylabel("speed [mm/s]")
+        low, high = panel.get_ylim()
+        panel.set_ylim(min(low, -0.05), max(high, 0.05))  # so that rest looks like rest
     panels[0].legend(frameon=False, fontsize=6)
     bars = lower.subplots()
     names = list(dict.fromkeys(row["mechanisms"] for row in study.mechanisms))

@@ -1,0 +1,112 @@
+"""The study of the accuracy of gaits at smoke size: it runs, what it expects holds, and what it expects can fail."""
+
+from __future__ import annotations
+
+import copy
+import importlib.util
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+FILE = Path(__file__).resolve().parent.parent.parent / "studies" / "gait_accuracy.py"
+
+
+@cache
+def study() -> ModuleType:
+    """The study as a module, from its file."""
+    spec = importlib.util.spec_from_file_location("studies_gait_accuracy", FILE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@cache
+def smoke() -> Any:
+    """What the study finds at smoke size, once for all tests; not to be changed."""
+    return study().run("smoke")
+
+
+def refuses(expect: Callable[[], None], word: str) -> None:
+    with pytest.raises(AssertionError, match=word):
+        expect()
+
+
+def test_starts_find_one_gait_that_explicit_steps_confirm() -> None:
+    """With equal coefficients both starts take the same steps toward the long pillar, whatever integrates them.
+
+    Catches: nudges that stay in the means, an explicit twin on another ground, a drive that starts over with it.
+    """
+    module, found = study(), smoke()
+    module.expect(found, "smoke")
+    assert [row["variant"] for row in found.gaits] == [v.name for v in module.LEVELS["smoke"].variants]
+    assert all(row["advance_mm"] > 0.0 for row in found.gaits + found.witness)
+    assert "off_explicit_pct" in found.witness[0]
+
+
+def test_the_study_shows_and_writes_what_it_found(tmp_path: Path) -> None:
+    """Tables with rows as long as their header, two CSV files and a picture.
+
+    Catches: a column that a row lacks, a picture of nothing.
+    """
+    module, found = study(), smoke()
+    shown = module.tables(found)
+    assert all(table.rows and all(len(row) == len(table.header) for row in table.rows) for table in shown)
+    module.write(found, tmp_path / "below")
+    written = {path.name: path.stat().st_size for path in (tmp_path / "below").iterdir()}
+    assert set(written) == {"gaits.csv", "witness.csv", "gait_accuracy.png"}
+    assert written["gait_accuracy.png"] > 10_000
+
+
+def test_the_study_refuses_steps_that_did_not_converge_and_gaits_that_part() -> None:
+    """Its expectations fail on a residual above the tolerance, an open book, scattered starts, a witness that differs.
+
+    Catches: a limit that is never compared.
+    """
+    module = study()
+    for rows, change, word in (
+        ("gaits", {"residual_1": 1.1e-9}, "accepted at a residual"),
+        ("gaits", {"energy_error_1": 2e-3}, "unexplained"),
+        ("gaits", {"share_1": 0.5}, "starts part"),
+        ("gaits", {"spread_mm": 1e-3}, "scatter"),
+        ("witness", {"off_explicit_of_stroke_pct": 6.0}, "off explicit steps"),
+    ):
+        found = copy.deepcopy(smoke())
+        getattr(found, rows)[0].update(change)
+        refuses(lambda found=found: module.expect(found, "smoke"), word)
+    found = copy.deepcopy(smoke())
+    found.gaits[1].update({"variant": module.HALF, "change_of_stroke_pct": 1.1})
+    refuses(lambda: module.expect(found, "full"), "of the stroke")
+
+
+def test_a_gait_is_compared_with_the_nearest_of_the_other_variant() -> None:
+    """Two gaits: changes are against the near one, of its advance and of its stroke; a far one has no counterpart.
+
+    Catches: gaits compared in the order of their shares, per cent of the changed instead of the compared.
+    """
+    module = study()
+    others = [
+        {"advance_mm": 0.2, "stroke_mm": 0.5, "reach_mm": 0.003},
+        {"advance_mm": -0.04, "stroke_mm": 0.4, "reach_mm": None},
+    ]
+    row = {"advance_mm": -0.03, "stroke_mm": 0.41, "reach_mm": 0.002}
+    module.compare(row, others)
+    assert row["counterpart"]
+    assert row["change_pct"] == pytest.approx(25.0, rel=1e-12)  # 0.01 of 0.04
+    assert row["change_of_stroke_pct"] == pytest.approx(2.5, rel=1e-12)  # 0.01 of 0.4
+    assert row["stroke_change_pct"] == pytest.approx(2.5, rel=1e-12)
+    assert "reach_pct" not in row
+    row = {"advance_mm": 0.21, "stroke_mm": 0.5, "reach_mm": 0.004}
+    module.compare(row, others)
+    assert row["reach_pct"] == pytest.approx(2.5, rel=1e-12)  # 0.005 of 0.2
+    row = {"advance_mm": 0.1, "stroke_mm": 0.5, "reach_mm": 0.004}
+    module.compare(row, others)
+    assert not row["counterpart"]
+    assert "change_pct" not in row

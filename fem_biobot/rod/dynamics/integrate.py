@@ -125,9 +125,14 @@ def dynamics(
     return run.motion()
 
 
-class _ImplicitCalls(NamedTuple):
+class _StepCalls(NamedTuple):
     factorise: Any
     friction: Any
+
+
+class _ImplicitCalls(NamedTuple):
+    step: Any
+    within: _StepCalls
     accept: Any
 
 
@@ -220,12 +225,11 @@ class _Run:
             run = entry(explicit_kernels.explicit_run, A, S, state, P, 0.0, pulls, factors, calls, *rooms)
             self.run = lambda h, pulls, factors: run(A, S, state, P, h, pulls, factors, calls, *rooms)
             return
-        calls = _ImplicitCalls(
-            by_address(kernels.factorise, A, S, 0.0, 0.0, row, W),
-            friction,
-            by_address(accept, A, S, state, 0.0, 0.0, row, row, W, self.book, self.tally),
-        )
-        theta, limits = self.settings.theta, (self.arm, self.settings.tolerance, _MOST_ITERATIONS, calls)
+        within = _StepCalls(by_address(kernels.factorise, A, S, 0.0, 0.0, row, W), friction)
+        sizes = (self.arm, self.settings.tolerance, _MOST_ITERATIONS)
+        step = by_address(kernels.try_step, A, S, state, P, 0.0, 0.0, row, row, *sizes, True, within, W, self.scratch)
+        made = by_address(accept, A, S, state, 0.0, 0.0, row, row, W, self.book, self.tally)
+        theta, limits = self.settings.theta, (*sizes, _ImplicitCalls(step, within, made))
         run = entry(kernels.implicit_run, A, S, state, P, 0.0, 0.0, pulls, factors, *limits, *rooms)
         self.run = lambda h, pulls, factors: run(A, S, state, P, h, theta(h), pulls, factors, *limits, *rooms)
 

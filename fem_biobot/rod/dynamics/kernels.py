@@ -225,15 +225,15 @@ def _joint_gaps(rows, theta, h, n, work):
     return worst
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _step(
+@njit(cache=True, nogil=True, no_cpython_wrapper=True)
+def try_step(
     assembly, system, state, plane, h, theta, pull, load_factor, arm, tolerance, most, fresh, calls, work, scratch
 ):
     """Try one step of length `h` from `state`; its end goes to `work`.
 
     `pull` (k,) [mN] and `load_factor` (l,) are averages over the step; `arm` [mm] makes moments comparable with forces;
     `fresh` tells that the factors in `work.blocks` belong to this `h`. Returns the outcome, iterations, factorisations
-    and residual.
+    and residual. `calls` are `factorise` and `solve_friction` by address.
     """
     held = assembly.inertia.held
     contacts = assembly.contacts
@@ -307,9 +307,10 @@ def implicit_run(
     """Make steps of length `h` until one fails or the tables end; `state` is where it got to.
 
     Parameters are tuples of arrays (see `rod.arrays`, `rod.system`, `rod.dynamics.arrays`). `pulls` (s + 1, k) [mN] and
-    `load_factors` (s + 1, l) hold the values at the ends of the steps. `calls` are the kernels called by address.
-    `tally` takes sums over the steps: contact impulses, time in slip and time in contact of each point, (c, 5). Returns
-    the steps made, the outcome of the last try, iterations, factorisations, and the largest residual accepted.
+    `load_factors` (s + 1, l) hold the values at the ends of the steps. `calls` are `step`, `accept` and those `within`
+    a step, by address. `tally` takes sums over the steps: contact impulses, time in slip and time in contact of each
+    point, (c, 5). Returns the steps made, the outcome of the last try, iterations, factorisations, and the largest
+    residual accepted.
     """
     pull = np.empty(pulls.shape[1])
     factors = np.empty(load_factors.shape[1])
@@ -326,9 +327,9 @@ def implicit_run(
             factors[k] = theta * load_factors[i + 1, k] + (1.0 - theta) * load_factors[i, k]
         again = True
         while again:
-            outcome, tried, made, residual = _step(
-                assembly, system, state, plane, h, theta, pull, factors, arm, tolerance, most, fresh, calls, work,
-                scratch,
+            outcome, tried, made, residual = calls.step(
+                assembly, system, state, plane, h, theta, pull, factors, arm, tolerance, most, fresh, calls.within,
+                work, scratch,
             )  # fmt: skip
             iterations += tried
             factorisations += made

@@ -19,6 +19,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import BiobotError, DesignError, FileError, SolveError
 from fem_biobot.files import write_json, write_text
 from fem_biobot.muscle.drive import paper_amplitude
+from fem_biobot.rod.compiling import compile_kernels
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion
 from fem_biobot.rod.events import fall, happened, joined
 from fem_biobot.rod.gait import Walk
@@ -199,6 +200,7 @@ def walks_of(
     design: Design, plan: WalkPlan, folder: ResultFolder, reporter: Reporter, note: Callable[[str], None]
 ) -> Iterator[Walk]:
     """The walks of a plan one by one, each stroke kept in the folder, from where an earlier try stopped."""
+    compile_kernels(reporter)
     model, ground = reduce(design), ground_of(design)
     place = "in air" if design.ground.immersion == "air" else "submerged"
     stood = _stance(model, folder, reporter, ground, design.ground.immersion)

@@ -7,6 +7,12 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
+
+# Options of kernels that other kernels alone call: without the wrappers for Python and C they compile faster. Those
+# called by address keep the wrapper for C.
+BY_ADDRESS: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True}
+INNER: dict[str, Any] = {**BY_ADDRESS, "no_cfunc_wrapper": True}
 
 
 def ensure_cache_folder() -> None:

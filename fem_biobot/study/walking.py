@@ -292,6 +292,6 @@ def _kept_motions(folder: ResultFolder, design: Design, frequency: float, model:
             values = {f.name: kept[f.name] for f in fields(Motion) if f.name not in _NOT_ARRAYS}
         except KeyError as error:
             raise FileError(f"{folder.path}: a saved stroke lacks {error}; --force starts anew") from None
-        plain = {k: v.item() if np.ndim(v) == 0 else v for k, v in values.items()}
+        plain: dict[str, Any] = {k: v.item() if np.ndim(v) == 0 else v for k, v in values.items()}
         found.append(Motion(model=model, ground=ground, final=final, **plain))
     return found

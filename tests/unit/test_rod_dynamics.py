@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.rod.dynamics import integrate
+from fem_biobot.rod.dynamics.arrays import copied
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Integrator, Motion, MotionInterrupted, Settings, dynamics
 from fem_biobot.rod.explicit.stability import longest_step
 from fem_biobot.rod.model import RodModel
@@ -211,6 +213,23 @@ def test_a_step_that_does_not_converge_is_halved() -> None:
     assert np.abs(rough.x[-1] - fine.x[-1]).max() <= 0.2
 
 
+@pytest.mark.parametrize("settings", [Settings(dissipation=0.0), Settings(dissipation=0.0, largest_error=1e-3)])
+def test_halved_steps_take_loads_at_their_own_times(settings: Settings) -> None:
+    """A force that grows with time gives a free strip half its product with the time, however steps are divided.
+
+    The trapezoidal rule is exact for it. Catches: both halves of a step taken at the first one's time.
+    """
+    points = np.linspace(0.0, 6.0, 4)[:, None] * np.array([1.0, 0.0, 0.0])
+    push = PointLoad(("rod", 1), force=(2e-3, 3e-3, -1e-3), history=lambda t: 10.0 * t)
+    model = RodModel([Rod(points, Section.rectangle(0.6, 0.3), GEL)], loads=[push], damping_time=1e-3)
+    v = np.zeros((4, 6))
+    v[3, 3:] = [0.0, 120.0, 30.0]
+    v[0, 3:] = -v[3, 3:]
+    motion = dynamics(model, 0.08, 0.04, start=replace(model.drawn(), v=v), settings=settings)
+    assert motion.halved > 0
+    np.testing.assert_allclose(motion.momentum[-1], 0.5 * 10.0 * 0.08**2 * np.array(push.force), rtol=1e-6)
+
+
 @pytest.mark.parametrize("integrator", list(Integrator))
 def test_a_run_that_diverges_ends_with_what_was_reached(integrator: Integrator) -> None:
     """A moment that grows without bound winds a rod up: the error carries the motion up to its last sample.
@@ -238,7 +257,7 @@ def test_a_run_that_diverges_ends_with_what_was_reached(integrator: Integrator) 
 
 
 @pytest.mark.parametrize(
-    "settings", [Settings(), Settings(largest_error=2e-4), EXPLICIT], ids=["implicit", "adaptive", "explicit"]
+    "settings", [Settings(), Settings(largest_error=5e-6), EXPLICIT], ids=["implicit", "adaptive", "explicit"]
 )
 def test_an_interrupted_walk_goes_on_to_the_last_bit(settings: Settings, tmp_path: Path) -> None:
     """Stopped by the user between two samples, saved to a file, read and gone on with: the same numbers.
@@ -267,6 +286,27 @@ def test_an_interrupted_walk_goes_on_to_the_last_bit(settings: Settings, tmp_pat
     assert rest.steps == whole.steps - part.steps
     # something happens in the part compared
     assert np.abs(whole.x[-1] - whole.x[8]).max() > (1e-9 if settings.integrator is Integrator.explicit else 1e-3)
+
+
+def test_an_interrupt_while_a_sample_is_kept_loses_only_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped between the sample and its checkpoint, the motion ends at the one before, with its own checkpoint.
+
+    Catches: samples and checkpoint of different times.
+    """
+    kept = []
+
+    def stopping(state: Any) -> Any:
+        kept.append(1)
+        if len(kept) == 4:
+            raise KeyboardInterrupt
+        return copied(state)
+
+    monkeypatch.setattr(integrate, "copied", stopping)
+    with pytest.raises(MotionInterrupted) as stopped:
+        dynamics(walker(), 0.1, ground=GROUND, drive=strokes, sample_every=5)
+    best = stopped.value.best
+    assert best.times[-1] == best.final.time == pytest.approx(0.01)
+    assert np.array_equal(best.x[-1], best.final.state.x)
 
 
 def test_an_interrupt_in_the_middle_of_a_sample_loses_only_that() -> None:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BY_ADDRESS, INNER, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -62,7 +62,7 @@ _ROUNDING = 16.0 * 2.0**-52  # of momenta, and of forces by that of strains
 _STALE = 4  # iterations after which old factors are renewed
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def _configure(x, Q, v0, h, theta, work):
     """Positions and directors at theta and at the end of the step for the velocities `work.v1`."""
     v1, vm, angle, xm, x1 = work.v1, work.vm, work.angle, work.xm, work.x1
@@ -80,7 +80,7 @@ def _configure(x, Q, v0, h, theta, work):
     turn(Q, angle, work.Q1)
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, work):
     """Write the unbalanced impulse ``h f + J^T lambda - M dv`` (n, 6), joint and contact data.
 
@@ -146,7 +146,7 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
     return scale, _ROUNDING * (momentum + stiffest)
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True)
+@njit(**BY_ADDRESS)
 def factorise(assembly, system, h, theta, load_factor, work):
     """Fill and factorise the tangent at the present iterate; also the compliance of the nodes that touch."""
     inertia = assembly.inertia
@@ -199,7 +199,7 @@ def factorise(assembly, system, h, theta, load_factor, work):
     return True
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def _unbalance(held, arm, rhs, column):
     """Largest entry of the impulses left, with those of the ground; moments over the length `arm`."""
     worst = 0.0
@@ -212,7 +212,7 @@ def _unbalance(held, arm, rhs, column):
     return worst
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def _joint_gaps(rows, theta, h, n, work):
     """Write the right sides of the joints; returns the largest gap [mm, rad]."""
     worst = 0.0
@@ -225,7 +225,7 @@ def _joint_gaps(rows, theta, h, n, work):
     return worst
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True)
+@njit(**BY_ADDRESS)
 def try_step(
     assembly, system, state, plane, h, theta, pull, load_factor, arm, tolerance, most, fresh, calls, work, scratch
 ):

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BY_ADDRESS, INNER, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -62,7 +62,7 @@ from fem_biobot.rod.parts.kernels import add_loads, add_member_forces, contact  
 from fem_biobot.rod.rotation.kernels import turn  # noqa: E402
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def _drift(inverse, x, Q, v, spin, h, angle, quarter, to_x, to_Q):
     """Move freely for `h`: constant momentum and spatial angular momentum; second order for any inertia."""
     for i in range(x.shape[0]):
@@ -78,7 +78,7 @@ def _drift(inverse, x, Q, v, spin, h, angle, quarter, to_x, to_Q):
     spin_up(inverse, to_Q, spin, v)
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True)
+@njit(**BY_ADDRESS)
 def joint_masses(assembly, system, work):
     """Fill and factorise masses with joints at the half step; compliance of the nodes that touch from them."""
     inertia = assembly.inertia
@@ -111,7 +111,7 @@ def joint_masses(assembly, system, work):
     return True
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def _free_compliance(inertia, inverse, touching, work):
     """Velocity by impulse of the nodes that touch, without joints, (6 f, 6 f), and `work.free`."""
     clear(work.compliance)

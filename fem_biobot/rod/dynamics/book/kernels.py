@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BY_ADDRESS, INNER, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -23,7 +23,7 @@ from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
 from fem_biobot.rod.parts.kernels import add_loads, add_member_forces  # noqa: E402
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def enter_damping(assembly, h, before, after, lengths_before, lengths_after, book):
     """Enter the work of viscous resultants and members; returns the elastic energy of the change of strain, doubled."""
     E = assembly.elements
@@ -44,7 +44,7 @@ def enter_damping(assembly, h, before, after, lengths_before, lengths_after, boo
     return stored
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True)
+@njit(**BY_ADDRESS)
 def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tally):
     """Take over the end of a converged step; enter energies into `book` (see `dynamics.arrays.BOOK`) and `tally`."""
     inertia = assembly.inertia

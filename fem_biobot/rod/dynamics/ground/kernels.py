@@ -6,7 +6,7 @@ node into that of the point along the normal and two tangents.
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import INNER, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -19,7 +19,7 @@ CONTACT_ACCEPTED = 1e-9  # residual of the contact problem with which a step may
 CONTACT_ITERATIONS = 100
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def condense(contacts, foot, plane, h, theta, rows, push, work):
     """Write `work.W` and `work.b`, velocities at the contact points by impulse and those of ``v1 + free`` without.
 
@@ -109,7 +109,7 @@ def even_out(foot, n_feet, axes, touch, rows, p):
                 p[i, 2] = p[i, 0] * (fy / weight + turn * x)
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def add_ground_impulses(node, rows, p, to):
     """Add the impulses `p` (c, 3) of the contact points to the nodes' impulses `to` (n, 6)."""
     for i in range(node.shape[0]):
@@ -119,7 +119,7 @@ def add_ground_impulses(node, rows, p, to):
                     to[node[i], k] += rows[i, a, k] * p[i, a]
 
 
-@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+@njit(**INNER)
 def enter_ground(node, rows, p, touch, vm, h, book, tally):
     """Enter a step's work of friction and normal force into `book`; impulses and times into `tally` (c, 5)."""
     for i in range(node.shape[0]):

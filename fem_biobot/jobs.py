@@ -11,7 +11,7 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from importlib import metadata
@@ -23,7 +23,9 @@ from fem_biobot.files import file_error, write_text
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
+    from fem_biobot.study.reporter import Reporter
     from fem_biobot.study.walking import WalkPlan
+    from fem_biobot.tables import Table
 
 _BARE_NUMBER = re.compile(r"\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*")
 
@@ -62,38 +64,25 @@ def solve(order: Order, complete: bool) -> int:
     design, size, names = load_design(order.design, order.sets), mesh_size(order.size), region_names(order.rename)
     folder = result_folder(design, order.out)
 
-    from fem_biobot.progress import reporting, show_tables
-    from fem_biobot.results import remarks, result_tables, where_to_look
+    from fem_biobot.results import remarks, result_tables
     from fem_biobot.study.run import run
 
-    try:
-        with _standard_output_free(order.json), reporting(order.quiet) as reporter:
-            summary = run(
-                design,
-                folder,
-                mesh_file=order.mesh_file,
-                names=names or None,
-                size=size,
-                force=order.force,
-                resume=order.resume,
-                complete=complete,
-                walks=order.walks,
-                reporter=reporter,
-            )
-            # those of a result that was there already have been told to nobody yet
-            for note in summary["notes"]:
-                reporter.note(note)
-    except SolveError as failure:
-        raise SolveError(f"{failure}; what was reached is in {folder}", failure.best) from failure
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"{folder}: files are whole, the same command goes on from there") from None
-    if order.json:
-        _print_json(summary)
-    elif order.quiet:
-        _say(str(folder))
-    else:
-        show_tables(result_tables(summary, design.kind))
-        _say("", *remarks(summary, design.kind), *where_to_look(folder))
+    def work(reporter: Reporter) -> dict[str, Any]:
+        return run(
+            design,
+            folder,
+            mesh_file=order.mesh_file,
+            names=names or None,
+            size=size,
+            force=order.force,
+            resume=order.resume,
+            complete=complete,
+            walks=order.walks,
+            reporter=reporter,
+        )
+
+    summary = _worked(order, folder, work)
+    _show(order, summary, folder, lambda: (result_tables(summary, design.kind), remarks(summary, design.kind)))
     return 0
 
 
@@ -104,27 +93,54 @@ def walk(order: Order, walking: WalkOrder) -> int:
     design, plan = load_design(order.design, order.sets), walk_plan(order, walking)
     folder = result_folder(design, order.out or Path("runs") / f"{_safe(design.name)}_walk")
 
-    from fem_biobot.progress import reporting, show_tables
-    from fem_biobot.results import walk_table, where_to_look
+    from fem_biobot.results import walk_table
     from fem_biobot.study.walking import walk_design
+
+    def work(reporter: Reporter) -> dict[str, Any]:
+        return walk_design(design, folder, plan, force=order.force, resume=order.resume, reporter=reporter)
+
+    summary = _worked(order, folder, work)
+    _show(order, summary, folder, lambda: ([walk_table(summary["walks"])], []))
+    return 0
+
+
+def _worked(order: Order, folder: Path, work: Callable[[Reporter], dict[str, Any]]) -> dict[str, Any]:
+    """Summary of a job that is told of while it runs; its end says where to find what was reached."""
+    from fem_biobot.progress import reporting
 
     try:
         with _standard_output_free(order.json), reporting(order.quiet) as reporter:
-            summary = walk_design(design, folder, plan, force=order.force, resume=order.resume, reporter=reporter)
+            summary = work(reporter)
+            # those of a result that was there already have been told to nobody yet
             for note in summary["notes"]:
                 reporter.note(note)
+            return summary
     except SolveError as failure:
         raise SolveError(f"{failure}; what was reached is in {folder}", failure.best) from failure
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"{folder}: files are whole, the same command goes on from there") from None
+
+
+def _show(
+    order: Order,
+    summary: Mapping[str, Any],
+    folder: Path,
+    words: Callable[[], tuple[Sequence[Table], Sequence[str]]],
+) -> None:
+    """A result on standard output: as JSON, as the folder's path, or as tables and where to look."""
     if order.json:
         _print_json(summary)
-    elif order.quiet:
+        return
+    if order.quiet:
         _say(str(folder))
-    else:
-        show_tables([walk_table(summary["walks"])])
-        _say("", *where_to_look(folder))
-    return 0
+        return
+
+    from fem_biobot.progress import show_tables
+    from fem_biobot.results import where_to_look
+
+    tables, lines = words()
+    show_tables(tables)
+    _say("", *lines, *where_to_look(folder))
 
 
 def walk_plan(order: Order, walking: WalkOrder) -> WalkPlan:

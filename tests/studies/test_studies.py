@@ -3,45 +3,13 @@
 from __future__ import annotations
 
 import copy
-import importlib.util
-import sys
-from collections.abc import Callable
-from functools import cache
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import pytest
 
-from fem_biobot.mesh.geometry import GmshMissing
-
-STUDIES = Path(__file__).resolve().parent.parent.parent / "studies"
-
-
-@cache
-def study(name: str) -> ModuleType:
-    """A study as a module, from its file."""
-    spec = importlib.util.spec_from_file_location(f"studies_{name}", STUDIES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-@cache
-def smoke(name: str) -> Any:
-    """What a study finds at smoke size, once for all tests; not to be changed."""
-    try:
-        return study(name).run("smoke")
-    except GmshMissing as missing:
-        pytest.skip(f"Gmsh cannot start: {missing}")
-
-
-def refuses(expect: Callable[[], None], word: str) -> None:
-    with pytest.raises(AssertionError, match=word):
-        expect()
+from tests.studies.loading import load_study as study
+from tests.studies.loading import refuses
+from tests.studies.loading import smoke_of as smoke
 
 
 @pytest.mark.parametrize("name", ["tension_path", "kernel_benchmark", "mesh_error"])

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import copy
-import importlib.util
-import sys
-from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,31 +11,17 @@ import numpy as np
 import pytest
 
 from fem_biobot.rod.reduce import reduce
+from tests.studies.loading import load_study, refuses, smoke_of
 
-FILE = Path(__file__).resolve().parent.parent.parent / "studies" / "walking_map.py"
 
-
-@cache
 def study() -> ModuleType:
-    """The study as a module, from its file."""
-    spec = importlib.util.spec_from_file_location("studies_walking_map", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
+    """The study as a module."""
+    return load_study("walking_map")
 
 
-@cache
 def smoke() -> Any:
-    """What the study finds at smoke size, once for all tests; not to be changed."""
-    return study().run("smoke")
-
-
-def refuses(expect: Callable[[], None], word: str) -> None:
-    with pytest.raises(AssertionError, match=word):
-        expect()
+    """What it finds at smoke size; not to be changed."""
+    return smoke_of("walking_map")
 
 
 def test_equal_pillars_and_frictionless_ground_give_no_step() -> None:

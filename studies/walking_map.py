@@ -307,7 +307,8 @@ def expect(study: Study) -> None:
 
 FOUND = """
 ``python studies/walking_map.py`` on two cores shared with other work (26 minutes); steps of 0.5 ms, 16 elements, six
-strokes of which three are counted, two starts; 312 cases, every walk to its end, 18 steps of the map's halved. Positive is toward the long pillar. Weight on the feet 2.54 mN in air, 0.26 mN submerged.
+strokes of which three are counted, two starts; 312 cases, every walk to its end, 18 steps of the map's halved. Positive
+is toward the long pillar. Weight on the feet 2.54 mN in air, 0.26 mN submerged.
 
 * Air, the paper's forces (0.5, 1.0, 1.4 and 1.4 mN at 0.5, 1, 2 and 4 Hz). With a static coefficient of 0.42 or more
   nothing walks: with the preset's standing tension of 9.09 kPa the stroke is at most 0.0015 mm, with the published
@@ -343,8 +344,9 @@ strokes of which three are counted, two starts; 312 cases, every walk to its end
 
 NOT_LOOKED_AT = """
 More than two starts a case, hence shares of gaits; drag of the medium, which the submerged bot lacks; stimulation that
-changes with frequency otherwise than in its amplitude; flexible pillars; a ring that touches the ground (the preset's
-outer ring edge reaches below its soles when it is bent, which walks remark as buried and which no contact resists).
+changes with frequency otherwise than in its amplitude; flexible pillars; a ring that touches the ground (with
+the preset's standing tension that of the short pillar reaches 0.14 mm below it, which no contact resists; remarked as
+buried, as are the soles' edges beside feet of a line).
 """
 
 

@@ -55,18 +55,22 @@ def test_the_study_refuses_steps_that_did_not_converge_and_gaits_that_part() -> 
     """
     module = study()
     for rows, change, word in (
-        ("gaits", {"residual_1": 1.1e-9}, "accepted at a residual"),
+        ("gaits", {"residual_1": 1.1e-8}, "accepted at a residual"),
         ("gaits", {"energy_error_1": 2e-3}, "unexplained"),
         ("gaits", {"share_1": 0.5}, "starts part"),
         ("gaits", {"spread_mm": 1e-3}, "scatter"),
-        ("witness", {"off_explicit_of_stroke_pct": 6.0}, "off explicit steps"),
+        ("witness", {"off_explicit_pct": 6.0}, "off explicit steps"),
     ):
         found = copy.deepcopy(smoke())
         getattr(found, rows)[0].update(change)
         refuses(lambda found=found: module.expect(found, "smoke"), word)
-    found = copy.deepcopy(smoke())
-    found.gaits[1].update({"variant": module.HALF, "change_of_stroke_pct": 1.1})
-    refuses(lambda: module.expect(found, "full"), "of the stroke")
+    for change, word in (
+        ({"change_pct": 0.6}, "advance changes"),
+        ({"change_pct": 0.1, "stroke_change_pct": 0.6}, "stroke"),
+    ):
+        found = copy.deepcopy(smoke())
+        found.gaits[1].update({"variant": module.FINE_MESH} | change)
+        refuses(lambda found=found: module.expect(found, "full"), word)
 
 
 def test_a_gait_is_compared_with_the_nearest_of_the_other_variant() -> None:

@@ -399,8 +399,10 @@ and tangent together; law and deformation gradient are included in each.
 * One thread, strongly disturbed: all take up to twice as long; FElupe 5.3 times for both, 4.9 for the tangent.
 * The libraries' own threads, two for ours on two busy cores: 24 ms for both; FElupe 5.2 times as long (tangent 5.0,
   residual 3.2), its parallel option 5.4 times (5.2, 3.3). In the more disturbed run ours 49 ms, FElupe 4.8 times (4.0,
-  5.0), its parallel option 4.5 times (4.0, 2.7). The second thread brings nothing where the second core is not free;
-  with two free cores it was not measured.
+  5.0), its parallel option 4.5 times (4.0, 2.7).
+* A third run with nothing else on the machine: one thread each, ours 24.8 ms for both and FElupe 5.1 times as long
+  (tangent 4.9, residual 3.7), scikit-fem's forms 224 times (256); the libraries' own threads, two for ours, 24.0 ms and
+  5.4 times (5.2, 3.3), the forms 233 times (266). The second thread brings next to nothing on these two processors.
 * scikit-fem's forms take 190 to 360 times as long for both, 210 to 400 times for the tangent; a form that evaluates the
   law itself 1600 to 2200 times.
 * So 100 times scikit-fem's forms and 3 times FElupe's are met with one thread each, 8 times FElupe's is not. Of our

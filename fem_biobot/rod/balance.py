@@ -129,17 +129,16 @@ def out_of_balance(model: RodModel, given: Conditions, at: Point) -> Forces:
     kernels.tensions(A.members, lengths, lengths, 1.0, 0.0, given.pull, tension)
     force, value, outside = np.zeros((n, 6)), np.zeros((j, 6)), np.zeros((n, 6))
     kernels.add_all_forces(A, at.x, at.Q, s, tension, given.load_factor, given.gravity_factor, force)
-    nothing = np.zeros((1, 6, 6))
-    kernels.add_joints(
-        A, model.system, at.x, at.Q, np.zeros((n, 6)), value, np.zeros((j, 6)), at.multiplier, force, nothing, False
-    )
+    held = A.inertia.held
+    kernels.joint_gaps(A.constraints, held, at.x, at.Q, np.zeros((n, 6)), value, np.zeros((j, 6)))
+    kernels.add_joint_forces(A.constraints, held, at.x, at.Q, at.multiplier, force)
     add_loads(A.loads, given.load_factor, at.Q, outside)
     add_gravity(A.inertia, A.gravity, given.gravity_factor, outside)
     if not (np.isfinite(force).all() and np.isfinite(value).all()):
         raise StepFailedError("the forces are not numbers (a member of no length?)")
     weights = np.array([1.0, 1.0, 1.0, *[1.0 / given.extent] * 3])
-    held = (np.abs(a * weights).max(initial=0.0) for a in (s, outside, at.multiplier))
-    scale = max(float(np.abs(tension).max(initial=0.0)), *map(float, held))
+    sizes = (np.abs(a * weights).max(initial=0.0) for a in (s, outside, at.multiplier))
+    scale = max(float(np.abs(tension).max(initial=0.0)), *map(float, sizes))
     far = 1.0 + np.abs(at.x).max() / A.elements.length if m else np.ones(0)
     C = A.elements.stiffness
     soft = (
@@ -159,13 +158,11 @@ def tangent(
     `s` (m, 6) and `tension` (k,) are the forces of the geometric parts.
     """
     A, system = given.assembly, model.system
-    n, j = len(at.x), len(A.constraints.rows)
     blocks = np.zeros((system.n_blocks, 6, 6))
     kernels.add_stiffness(
         A, system, at.x, at.Q, s, np.ones(len(A.damping)), tension, lengths, 1.0, 0.0, given.load_factor, 1.0, blocks
     )
-    rest = np.zeros((n, 6)), np.zeros((j, 6)), np.zeros((j, 6)), at.multiplier, np.zeros((n, 6))
-    kernels.add_joints(A, system, at.x, at.Q, *rest, blocks, True)
+    kernels.joint_blocks(A.constraints, A.inertia.held, system.joint, at.x, at.Q, blocks)
     return blocks, joint_stiffness(A.constraints, at.Q, at.multiplier)
 
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.muscle.drive import waveform as drive_waveform
 from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion, Settings, dynamics
-from fem_biobot.rod.events import Event, cut, fall, happened, joined
+from fem_biobot.rod.events import cut, fall, happened, joined
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.records import Ground
@@ -42,6 +42,7 @@ def walk(
     settings: Settings | None = None,
     start: Stance | RodState | Checkpoint | None = None,
     rest: Stance | None = None,
+    before: Sequence[Motion] = (),
     listener: Callable[[float], None] | None = None,
     keeper: Callable[[Motion], None] | None = None,
 ) -> Walk:
@@ -67,6 +68,9 @@ def walk(
         that; a `RodState` is begun from as it is; a `Checkpoint` (``motion.final``) goes on from where it was.
     rest
         With another start: the stance that stroke and sagitta are measured from; by default the first sample.
+    before
+        Motions that `keeper` was given before an interruption, in order: the walk goes on from the last of them up to
+        `duration` in all, and they are part of it. `start` is then no more than the stance that they began from.
     listener
         Told the time reached after each sample [s].
     keeper
@@ -100,23 +104,26 @@ def walk(
         model, ground = machine, ground or Ground()
     anatomy(model)  # refuses what cannot walk
     drive = drive_waveform(waveform, frequency, amplitude)
-    stood = start if isinstance(start, Stance) else stance(model, ground) if start is None else None
-    begin = stood.state if stood is not None else start
-    stood = stood or rest
+    stood = start if isinstance(start, Stance) else rest
+    if start is None and not before:
+        stood = start = stance(model, ground)
+    begin = before[-1].final if before else start.state if isinstance(start, Stance) else start
     if sample_every is None:
         sample_every = _sampling(round(1.0 / (frequency * step)))
     first = begin.time if isinstance(begin, Checkpoint) else 0.0
     clock = time.process_time()
-    motions: list[Motion] = []
+    motions = list(before)
 
-    def made(events: tuple[Event, ...] = ()) -> Walk:
+    def made() -> Walk:
         motion = joined(motions)
         strokes = math.floor((motion.times[-1] - motion.times[0]) * frequency + 1e-6)
         left_out = min(math.ceil(_TRANSIENT * frequency - 1e-9), strokes // 2) if discard is None else discard
         spent = time.process_time() - clock
-        return Walk(motion, frequency, amplitude, waveform, step, left_out, stood, design, events, (), spent)
+        return Walk(motion, frequency, amplitude, waveform, step, left_out, stood, design, happened(motion), (), spent)
 
-    for count in _strokes(first, duration, frequency, step):
+    left = duration - (first if before else 0.0)
+    over = not before or fall(joined(motions)) is None
+    for count in _strokes(first, left, frequency, step) if over else ():
         here = motions[-1].final if motions else begin
         assert not isinstance(here, Stance)
         try:
@@ -133,15 +140,14 @@ def walk(
             )
         except SolveError as error:
             motions.append(error.best)
-            so_far = made(happened(joined(motions)))
-            raise SolveError(f"walk: {error}", best=so_far, reason=error.reason) from None
+            raise SolveError(f"walk: {error}", best=made(), reason=error.reason) from None
         fallen = fall(motion)
         motions.append(motion if fallen is None else cut(motion, fallen))
         if keeper is not None:
             keeper(motions[-1])
         if fallen is not None:
             break
-    return made(happened(joined(motions)))
+    return made()
 
 
 def _first(value: float | None, default: float) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ from fem_biobot.rod.tube_fields import (
 )
 from fem_biobot.rod.tubes import Piece, contact_points, ground_square, pieces
 from fem_biobot.view.animation import Silhouette, Trail, write_gait
-from fem_biobot.view.gait import Foot, energy_book, foot_forces, position, step_against_frequency
+from fem_biobot.view.gait import Foot, energy_book, foot_forces, position
 from fem_biobot.view.machine import GEL, MUSCLE
 from fem_biobot.vtk import write_pvd, write_vtp
 
@@ -153,23 +152,6 @@ def draw_walk(figures: Path, walk: Walk, label: str, *, animated: bool = True) -
     if animated and walk.strokes:
         out.append((figures / f"gait_{label}.gif", f"Gait at {name}, at life's speed, and the way of the feet."))
         draw_gait(out[-1][0], walk)
-    return out
-
-
-def draw_walks(figures: Path, walks: Mapping[str, Walk]) -> list[tuple[Path, str]]:
-    """Graphs of walks by their labels, and steps against frequency where there are several frequencies."""
-    out: list[tuple[Path, str]] = []
-    if len({walk.frequency for walk in walks.values()}) > 1:
-        kept = [walk for walk in walks.values() if walk.strokes]
-        out.append(
-            (figures / "steps.png", "Step and speed against the strokes per second; bars: spread of the strokes.")
-        )
-        spread = [0.0 if math.isnan(walk.step_spread_mm) else walk.step_spread_mm for walk in kept]
-        step_against_frequency(
-            out[-1][0], {"rod model": ([w.frequency for w in kept], [w.step_mm for w in kept], spread)}
-        )
-    for label, walk in walks.items():
-        out += draw_walk(figures, walk, label)
     return out
 
 

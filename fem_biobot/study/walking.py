@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +22,6 @@ from fem_biobot.files import write_json, write_text
 from fem_biobot.muscle.drive import paper_amplitude
 from fem_biobot.rod.compiling import compile_kernels
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion
-from fem_biobot.rod.events import fall, happened, joined
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.reduce import ground_of, reduce
@@ -31,8 +31,6 @@ from fem_biobot.study import walk_files
 from fem_biobot.study.folder import SUMMARY, ResultFolder
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
-
-_TRANSIENT = 1.0  # s, in whole strokes, left out of means; at most half of the walk
 
 
 @dataclass(frozen=True)
@@ -214,32 +212,16 @@ def walks_of(
         kept = _kept_motions(folder, design, frequency, model, ground)
         for number in range(len(kept)):
             reporter.advance(f"stroke {number + 1}, from the earlier try")
-        earlier = len(kept)
+        numbers = itertools.count(len(kept))
 
-        def keep(motion: Motion, kept: list[Motion] = kept, frequency: float = frequency) -> None:
-            folder.keep(_key(design, frequency, len(kept)), _arrays(motion))
-            kept.append(motion)
-            reporter.advance(f"stroke {len(kept)}")
+        def keep(motion: Motion, numbers: Iterator[int] = numbers, frequency: float = frequency) -> None:
+            number = next(numbers)
+            folder.keep(_key(design, frequency, number), _arrays(motion))
+            reporter.advance(f"stroke {number + 1}")
 
-        left = duration - (kept[-1].final.time if kept else 0.0)
-        spent, ended = 0.0, bool(kept) and fall(joined(kept)) is not None
-        if left > 0.5 * design.numerics.step and not ended:
-            spent = walk(
-                design,
-                frequency=frequency,
-                duration=left,
-                amplitude=amplitude,
-                start=kept[-1].final if earlier else stood,
-                rest=stood,
-                keeper=keep,
-            ).wall_time
-        motion = joined(kept)
-        strokes = math.floor((motion.times[-1] - motion.times[0]) * frequency + 1e-6)
-        discarded = min(math.ceil(_TRANSIENT * frequency - 1e-9), strokes // 2)
-        found = Walk(
-            motion, frequency, amplitude, design.drive.waveform, design.numerics.step, discarded, stood, design,
-            happened(motion), (), spent,
-        )  # fmt: skip
+        found = walk(
+            design, frequency=frequency, duration=duration, amplitude=amplitude, start=stood, before=kept, keeper=keep
+        )
         if not (found.foot_slips > 0.0).any():
             note(f"{place}, {frequency:g} Hz: no foot slips, so the machine stays where it stands")
         for event in found.events:

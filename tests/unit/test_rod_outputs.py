@@ -17,7 +17,8 @@ from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.records import Body, ContactPoints, Gravity, Ground, Muscle, Rigid, Rod
 from fem_biobot.rod.section import RodMaterial, Section
 from fem_biobot.rod.walk import walk
-from fem_biobot.study.rod_outputs import draw_gait, draw_walk, draw_walks, write_rod_series
+from fem_biobot.study.rod_outputs import draw_gait, draw_walk, write_rod_series
+from fem_biobot.study.walk_files import draw_walks
 
 GEL = 1.12e-6  # kg/mm^3
 
@@ -156,13 +157,13 @@ def test_the_camera_films_at_its_own_rate(tmp_path: Path) -> None:
 
 
 def test_several_frequencies_have_a_graph_of_their_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Catches: the graph left out, or drawn for one frequency."""
+    """Catches: the graph left out, or drawn for one frequency; graphs of walks that are not to be shown."""
     other = walk(bot(), frequency=8.0, duration=0.6, ground=Ground(0.42, 0.3), start=walked().start)
     monkeypatch.setattr("fem_biobot.study.rod_outputs.draw_walk", lambda figures, walk, label: [(figures / label, "")])
-    both = draw_walks(tmp_path, {"4Hz": walked(), "8Hz": other})
-    assert [path.name for path, _ in both] == ["steps.png", "4Hz", "8Hz"]
-    assert (tmp_path / "steps.png").is_file()
-    assert [path.name for path, _ in draw_walks(tmp_path, {"4Hz": walked()})] == ["4Hz"]
+    both = draw_walks(tmp_path, [walked(), other], [other])
+    assert [path.name for path, _ in both] == ["steps.png", "8Hz"]
+    assert (tmp_path / "figures" / "steps.png").is_file()
+    assert [path.name for path, _ in draw_walks(tmp_path, [walked()], [walked()])] == ["4Hz"]
 
 
 def test_a_walk_without_a_stroke_has_no_animation(tmp_path: Path) -> None:

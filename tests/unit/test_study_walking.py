@@ -12,6 +12,8 @@ import pytest
 from fem_biobot.config import digest, load_design
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, FileError, SolveError
+from fem_biobot.rod.dynamics.integrate import Motion
+from fem_biobot.rod.walk import walk
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.walking import WalkPlan, walk_design
 
@@ -96,6 +98,23 @@ def test_an_interrupted_walk_goes_on_as_if_it_had_not_stopped(
         result[0] / "tables" / "walk_2Hz_air.csv"
     ).read_bytes()
     assert samples(out).size > 100
+
+
+def test_a_resumed_walk_that_fails_keeps_the_strokes_before(design: Design, tmp_path: Path) -> None:
+    """What an earlier try walked is part of what a failure leaves, and a fall that ended it is not walked past.
+
+    Catches: a failure after going on that reports the last stroke alone, a fallen machine driven further.
+    """
+    kept: list[Motion] = []
+    walk(design, frequency=2.0, duration=1.0, keeper=kept.append)
+    wild = design.with_values({"muscle.active_tension": 4e7})
+    with pytest.raises(SolveError) as failure:
+        walk(wild, frequency=2.0, duration=1.5, before=kept)
+    assert failure.value.best.motion.times[0] == 0.0
+    assert failure.value.best.motion.times[-1] >= kept[-1].final.time
+    whole = walk(design, frequency=2.0, duration=1.0, before=kept)
+    assert len(whole.times) == len(kept[0].times) + len(kept[1].times) - 1
+    assert whole.motion.final is kept[-1].final
 
 
 def test_a_whole_walk_is_reused_and_another_refused(result: tuple[Path, dict[str, Any]], design: Design) -> None:

@@ -122,36 +122,54 @@ def add_stiffness(assembly, system, x, Q, s, gain, tension, lengths, weight, rat
 
 
 @njit(cache=True, nogil=True)
-def add_joints(assembly, system, x, Q, v, value, rate, multiplier, force, blocks, with_blocks):
-    """Write the residuals of the joints and their rates for `v` (n, 6), (j, 6), add their forces, fill their blocks.
-
-    `multiplier` (j, 6) is what the joint exerts on its first part along each row, and the opposite on its second. Rows
-    that do not hold get a unit on the diagonal.
-    """
+def joint_gaps(constraints, held, x, Q, v, gap, rate):
+    """Write the residuals of the joints and their rates for `v` (n, 6), (j, 6); held nodes do not move."""
     rows = np.empty((6, 12))
-    C = assembly.constraints
-    held = assembly.inertia.held
-    for j in range(C.rows.shape[0]):
-        constraint(C, j, x, Q, value[j], rows)
-        rate[j] = 0.0
+    for j in range(constraints.rows.shape[0]):
+        constraint(constraints, j, x, Q, gap[j], rows)
+        for r in range(6):
+            rate[j, r] = 0.0
         for end in range(2):
-            i = C.nodes[j, end]
-            if i < 0 or held[i] == 1:
-                continue
-            for r in range(6):
-                for c in range(6):
-                    force[i, c] += multiplier[j, r] * rows[r, 6 * end + c]
-                    rate[j, r] += rows[r, 6 * end + c] * v[i, c]
-            if with_blocks:
-                over = blocks[system.joint[j, 2 * end]]
-                under = blocks[system.joint[j, 2 * end + 1]]
+            i = constraints.nodes[j, end]
+            if i >= 0 and held[i] == 0:
+                for r in range(6):
+                    for c in range(6):
+                        rate[j, r] += rows[r, 6 * end + c] * v[i, c]
+
+
+@njit(cache=True, nogil=True)
+def add_joint_forces(constraints, held, x, Q, multiplier, force):
+    """Add to `force` (n, 6) what the joints exert: `multiplier` (j, 6) on first parts, the opposite on second ones."""
+    gap = np.empty(6)
+    rows = np.empty((6, 12))
+    for j in range(constraints.rows.shape[0]):
+        constraint(constraints, j, x, Q, gap, rows)
+        for end in range(2):
+            i = constraints.nodes[j, end]
+            if i >= 0 and held[i] == 0:
+                for r in range(6):
+                    for c in range(6):
+                        force[i, c] += multiplier[j, r] * rows[r, 6 * end + c]
+
+
+@njit(cache=True, nogil=True)
+def joint_blocks(constraints, held, slots, x, Q, blocks):
+    """Write the joints' rows and columns to `blocks`, at `slots` (j, 5); rows that do not hold get a unit diagonal."""
+    gap = np.empty(6)
+    rows = np.empty((6, 12))
+    for j in range(constraints.rows.shape[0]):
+        constraint(constraints, j, x, Q, gap, rows)
+        for end in range(2):
+            i = constraints.nodes[j, end]
+            if i >= 0 and held[i] == 0:
+                over = blocks[slots[j, 2 * end]]
+                under = blocks[slots[j, 2 * end + 1]]
                 for r in range(6):
                     for c in range(6):
                         under[r, c] = rows[r, 6 * end + c]
                         over[c, r] = -rows[r, 6 * end + c]
-        if with_blocks:
-            for r in range(6):
-                blocks[system.joint[j, 4], r, r] = 0.0 if C.rows[j, r] == 1 else 1.0
+        for r in range(6):
+            blocks[slots[j, 4], r, r] = 0.0 if constraints.rows[j, r] == 1 else 1.0
 
 
 @njit(cache=True, nogil=True)

@@ -110,3 +110,18 @@ def solve(plan, blocks, b):
             y[r] = total
         for r in range(6):
             b[k, r] = y[r]
+
+
+@njit(cache=True, nogil=True)
+def compliance(plan, blocks, nodes, column, out):
+    """Write the factorised system's solutions at `nodes` (f,) for units there, (6 f, 6 f); `column` is scratch."""
+    for f in range(nodes.shape[0]):
+        for c in range(6):
+            for i in range(column.shape[0]):
+                for r in range(6):
+                    column[i, r] = 0.0
+            column[nodes[f], c] = 1.0
+            solve(plan, blocks, column)
+            for other in range(nodes.shape[0]):
+                for r in range(6):
+                    out[6 * other + r, 6 * f + c] = column[nodes[other], r]

@@ -95,7 +95,6 @@ class Work(NamedTuple):
     column: Array  # (n + j, 6)
     blocks: Array  # (t, 6, 6)
     joint1: Array  # (j, 6)
-    no_joint: Array  # (j, 6) zeros
     joint_gap: Array
     joint_rate: Array
     gap: Array  # (c,)
@@ -124,10 +123,7 @@ def work_for(state: State, n_blocks: int, n_touching: int) -> Work:
     shapes: list[Any] = [
         *(np.zeros(s) for s in ((n, 3), (n, 3, 3), (n, 3), (n, 3, 3), node, node, (n, 3))),
         *(np.zeros(s) for s in ((m, 6), (k,), (m, 6), (m,), (k,), node, (n, 3), (n, 3), vector, vector, vector)),
-        *(
-            np.zeros(s)
-            for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (j, 6), (c,), (c, 3, 6), (c, 3, 6), (c, 3), (c, 3))
-        ),
+        *(np.zeros(s) for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (c,), (c, 3, 6), (c, 3, 6), (c, 3), (c, 3))),
         np.zeros((c, 3)),
         np.zeros(c, dtype=np.int64),
         *(np.zeros(s) for s in ((3 * c, 3 * c), (f, f), (f, 3 * c))),

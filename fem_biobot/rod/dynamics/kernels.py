@@ -30,13 +30,15 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 
 from fem_biobot.rod.assembly.kernels import (  # noqa: E402
     add_all_forces,
-    add_joints,
+    add_joint_forces,
     add_stiffness,
+    joint_blocks,
+    joint_gaps,
     measure,
     resultants,
     tensions,
 )
-from fem_biobot.rod.blocks.kernels import factor, solve  # noqa: E402
+from fem_biobot.rod.blocks.kernels import compliance, factor, solve  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import (  # noqa: E402
     CONTACT_ACCEPTED,
     CONTACT_ITERATIONS,
@@ -131,14 +133,10 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
     for k in range(load_factor.shape[0]):
         for c in range(3):
             scale = max(scale, h * abs(load_factor[k] * assembly.loads.force[k, c]))
-    if work.joint1.shape[0] > 0:
-        no = h < 0.0  # not a constant, for which numba would compile once more
-        add_joints(
-            assembly, system, work.xm, work.Qm, v1, work.joint_gap, work.joint_rate, work.joint1, rhs, work.blocks, no
-        )  # fmt: skip
-        add_joints(
-            assembly, system, x1, Q1, v1, work.joint_gap, work.joint_rate, work.no_joint, rhs, work.blocks, no
-        )  # fmt: skip
+    joints = assembly.constraints
+    if joints.rows.shape[0] > 0:
+        add_joint_forces(joints, inertia.held, work.xm, work.Qm, work.joint1, rhs)
+        joint_gaps(joints, inertia.held, x1, Q1, v1, work.joint_gap, work.joint_rate)
     C = assembly.contacts
     for k in range(C.node.shape[0]):
         contact(C, k, work.xm, work.Qm, plane.axes, plane.height, work.push[k])
@@ -150,7 +148,7 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
 def factorise(assembly, system, h, theta, load_factor, work):
     """Fill and factorise the tangent at the present iterate; also the compliance of the nodes that touch."""
     inertia = assembly.inertia
-    blocks, column, touching = work.blocks, work.column, system.touching
+    blocks = work.blocks
     clear_blocks(blocks)
     rate = 1.0 / h
     for e in range(work.gain.shape[0]):
@@ -179,23 +177,11 @@ def factorise(assembly, system, h, theta, load_factor, work):
                 # column a of Js [w]x
                 turned = Js[3 * r + b] * work.v1[i, 3 + c] - Js[3 * r + c] * work.v1[i, 3 + b]
                 B[3 + r, 3 + a] += Js[3 * r + a] + g * turned
-    if work.joint1.shape[0] > 0:
-        # multipliers are impulses and rows those of the velocity; the right sides are scaled to that
-        yes = h > 0.0
-        add_joints(
-            assembly, system, work.x1, work.Q1, work.v1, work.joint_gap, work.joint_rate, work.no_joint, column,
-            blocks, yes,
-        )  # fmt: skip
+    # multipliers are impulses and rows those of the velocity; the right sides are scaled to that
+    joint_blocks(assembly.constraints, inertia.held, system.joint, work.x1, work.Q1, blocks)
     if not factor(system.plan, blocks):
         return False
-    for f in range(touching.shape[0]):
-        for c in range(6):
-            clear(column)
-            column[touching[f], c] = 1.0
-            solve(system.plan, blocks, column)
-            for other in range(touching.shape[0]):
-                for r in range(6):
-                    work.compliance[6 * other + r, 6 * f + c] = column[touching[other], r]
+    compliance(system.plan, blocks, system.touching, work.column, work.compliance)
     return True
 
 

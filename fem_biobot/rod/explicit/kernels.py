@@ -26,13 +26,14 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 
 from fem_biobot.rod.assembly.kernels import (  # noqa: E402
     add_all_forces,
-    add_joints,
     energies,
+    joint_blocks,
+    joint_gaps,
     measure,
     resultants,
     tensions,
 )
-from fem_biobot.rod.blocks.kernels import factor, solve  # noqa: E402
+from fem_biobot.rod.blocks.kernels import compliance, factor, solve  # noqa: E402
 from fem_biobot.rod.contact.kernels import settle  # noqa: E402
 from fem_biobot.rod.dynamics.book.kernels import enter_damping  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import (  # noqa: E402
@@ -82,7 +83,7 @@ def _drift(inverse, x, Q, v, spin, h, angle, quarter, to_x, to_Q):
 def joint_masses(assembly, system, work):
     """Fill and factorise masses with joints at the half step; compliance of the nodes that touch from them."""
     inertia = assembly.inertia
-    blocks, column, touching = work.blocks, work.column, system.touching
+    blocks, joints = work.blocks, assembly.constraints
     clear_blocks(blocks)
     for i in range(inertia.mass.shape[0]):
         B = blocks[system.plan.diagonal[i]]
@@ -94,20 +95,11 @@ def joint_masses(assembly, system, work):
             if not held:
                 for b in range(3):
                     B[3 + a, 3 + b] = Js[3 * a + b]
-    yes = inertia.mass.shape[0] > 0  # not a constant, for which numba would compile once more
-    add_joints(
-        assembly, system, work.xm, work.Qm, work.v1, work.joint_gap, work.joint_rate, work.no_joint, column, blocks, yes
-    )
+    joint_gaps(joints, inertia.held, work.xm, work.Qm, work.v1, work.joint_gap, work.joint_rate)
+    joint_blocks(joints, inertia.held, system.joint, work.xm, work.Qm, blocks)
     if not factor(system.plan, blocks):
         return False
-    for f in range(touching.shape[0]):
-        for c in range(6):
-            clear(column)
-            column[touching[f], c] = 1.0
-            solve(system.plan, blocks, column)
-            for other in range(touching.shape[0]):
-                for r in range(6):
-                    work.compliance[6 * other + r, 6 * f + c] = column[touching[other], r]
+    compliance(system.plan, blocks, system.touching, work.column, work.compliance)
     return True
 
 

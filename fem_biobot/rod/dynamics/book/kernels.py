@@ -8,7 +8,7 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.rod.assembly.kernels import add_joints, energies  # noqa: E402
+from fem_biobot.rod.assembly.kernels import add_joint_forces, energies  # noqa: E402
 from fem_biobot.rod.contact.kernels import settle  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import CONTACT_TOLERANCE, enter_ground  # noqa: E402
 from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
@@ -76,11 +76,7 @@ def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tal
     enter_ground(C.node, work.push, work.p, work.touch, vm, h, book, tally)
     if work.joint1.shape[0] > 0:
         clear(column)
-        no = h < 0.0  # not a constant, for which numba would compile once more
-        add_joints(
-            assembly, system, work.xm, work.Qm, vm, work.joint_gap, work.joint_rate, work.joint1, column, work.blocks,
-            no,
-        )  # fmt: skip
+        add_joint_forces(assembly.constraints, inertia.held, work.xm, work.Qm, work.joint1, column)
         book[8] += power_of(column, vm)
     book[0] = kinetic_energy(inertia.mass, work.spin, v1)
     book[1], book[2] = energies(assembly, work.x1, work.strain, work.lengths)

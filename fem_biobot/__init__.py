@@ -21,14 +21,13 @@ if TYPE_CHECKING:
     from fem_biobot.rod.dynamics.integrate import Motion, dynamics
     from fem_biobot.rod.ensemble import walk_ensemble
     from fem_biobot.rod.gait import Walk
+    from fem_biobot.rod.ground import ContactPoints, Ground
     from fem_biobot.rod.model import RodModel, RodState
     from fem_biobot.rod.modes import Modes, modes
     from fem_biobot.rod.records import (
         Body,
-        ContactPoints,
         DistributedLoad,
         Gravity,
-        Ground,
         Hinge,
         Hold,
         Muscle,
@@ -64,12 +63,11 @@ _HOMES = {
     "rod.gait": ("Walk",),
     "rod.model": ("RodModel", "RodState"),
     "rod.modes": ("Modes", "modes"),
+    "rod.ground": ("ContactPoints", "Ground"),
     "rod.records": (
         "Body",
-        "ContactPoints",
         "DistributedLoad",
         "Gravity",
-        "Ground",
         "Hinge",
         "Hold",
         "Muscle",

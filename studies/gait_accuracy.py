@@ -28,7 +28,7 @@ from fem_biobot.files import replacing
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.dynamics.settings import Integrator, Settings
 from fem_biobot.rod.ensemble import Ensemble, Gait, walk_ensemble
-from fem_biobot.rod.records import Ground
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.rod.walk import walk
 from fem_biobot.solid.sharing import usable_threads

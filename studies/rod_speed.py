@@ -34,8 +34,9 @@ from fem_biobot.files import replacing
 from fem_biobot.muscle.drive import waveform
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.dynamics.integrate import Integrator, Motion, Settings, dynamics
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import ContactPoints, Gravity, Ground, Muscle, Place, Rigid, Rod, Spherical, Spring
+from fem_biobot.rod.records import Gravity, Muscle, Place, Rigid, Rod, Spherical, Spring
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import stance
 from fem_biobot.rod.section import RodMaterial, Section

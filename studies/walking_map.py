@@ -32,8 +32,9 @@ from fem_biobot.muscle.drive import paper_amplitude
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.ensemble import Nudge, walk_ensemble
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import Gravity, Ground
+from fem_biobot.rod.records import Gravity
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.sharing import usable_threads
 from fem_biobot.study.outputs import write_table

@@ -64,7 +64,13 @@ def check_volumes(found: Mapping[str, float], expected: Mapping[str, float], sla
         Region to the allowed deviation beyond rounding, from straight facets on curved faces [mm^3].
     """
     if set(found) != set(expected):
-        raise MeshError(f"the mesh has the regions {_list(found)}, but the design has {_list(expected)}")
+        missing, extra = [n for n in expected if n not in found], [n for n in found if n not in expected]
+        words = [f"no {_list(missing)}"] if missing else []
+        words += [f"{_list(extra)}, which the design has not"] if extra else []
+        raise MeshError(
+            f"the mesh has the regions {_list(found)}: found {' and '.join(words)}, expected {_list(expected)}; "
+            "name a volume of another name with --rename NAME=REGION"
+        )
     for name, volume in expected.items():
         if abs(found[name] - volume) > VOLUME * volume + slack.get(name, 0.0):
             ratio = found[name] / volume

@@ -14,9 +14,9 @@ from fem_biobot.rod.atlas import Atlas, Built, Member, Moved
 from fem_biobot.rod.element import kernels as element
 from fem_biobot.rod.element.arrays import Elements
 from fem_biobot.rod.frames import node_frames
+from fem_biobot.rod.ground import ContactPoints
 from fem_biobot.rod.records import (
     Body,
-    ContactPoints,
     DistributedLoad,
     Gravity,
     Hinge,

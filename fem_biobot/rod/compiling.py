@@ -12,8 +12,9 @@ from fem_biobot.rod.dynamics import kernels as implicit_kernels
 from fem_biobot.rod.dynamics.book import kernels as book_kernels
 from fem_biobot.rod.dynamics.integrate import Integrator, Settings, dynamics
 from fem_biobot.rod.explicit import kernels as explicit_kernels
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import ContactPoints, Ground, Rod
+from fem_biobot.rod.records import Rod
 from fem_biobot.rod.section import RodMaterial, Section
 
 # those that a run calls itself, and what compiling them takes on one processor, with all that they call [s]

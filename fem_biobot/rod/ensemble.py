@@ -18,8 +18,8 @@ from scipy.special import stdtrit
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Ground
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import Stance, stance
 from fem_biobot.rod.walk import walk

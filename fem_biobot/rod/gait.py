@@ -19,8 +19,8 @@ from fem_biobot.rod.anatomy import Anatomy, anatomy, closing, muscle_forces, mus
 from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.events import Event
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import Ground
 from fem_biobot.rod.rest import Stance
 
 Array = NDArray[np.float64]

@@ -16,7 +16,8 @@ from fem_biobot.errors import ModelError
 from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.assembly import kernels
 from fem_biobot.rod.build import Atlas, Built, Joint, Load, Member, build
-from fem_biobot.rod.records import Body, ContactPoints, Hold, Muscle, Place, Rod
+from fem_biobot.rod.ground import ContactPoints
+from fem_biobot.rod.records import Body, Hold, Muscle, Place, Rod
 from fem_biobot.rod.system import System, system
 
 Array = NDArray[np.float64]

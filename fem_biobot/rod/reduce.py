@@ -17,19 +17,9 @@ from numpy.typing import NDArray
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import (
-    Body,
-    ContactPoints,
-    Gravity,
-    Ground,
-    Hold,
-    Muscle,
-    PointLoad,
-    Rigid,
-    Rod,
-    Vector,
-)
+from fem_biobot.rod.records import Body, Gravity, Hold, Muscle, PointLoad, Rigid, Rod, Vector
 from fem_biobot.rod.rest import floating
 from fem_biobot.rod.section import RodMaterial, Section
 

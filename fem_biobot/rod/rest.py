@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.rod.build import Member
 from fem_biobot.rod.dynamics.integrate import Checkpoint, dynamics
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Gravity, Ground
+from fem_biobot.rod.records import Gravity
 from fem_biobot.rod.statics import statics
 
 Array = NDArray[np.float64]

@@ -18,8 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from fem_biobot.errors import ModelError
 from fem_biobot.rod.element.arrays import Elements
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import Body, Ground, Muscle
+from fem_biobot.rod.records import Body, Muscle
 from fem_biobot.rod.section import Section
 
 Array = NDArray[np.float64]

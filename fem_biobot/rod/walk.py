@@ -17,8 +17,8 @@ from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion, Settings, dynamics
 from fem_biobot.rod.events import cut, fall, happened, joined
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Ground
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import Stance, stance
 

@@ -15,20 +15,9 @@ from fem_biobot.rod.dynamics import integrate
 from fem_biobot.rod.dynamics.arrays import copied
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Integrator, Motion, MotionInterrupted, Settings, dynamics
 from fem_biobot.rod.explicit.stability import longest_step
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import (
-    Body,
-    ContactPoints,
-    Gravity,
-    Ground,
-    Hold,
-    Muscle,
-    PointLoad,
-    Rigid,
-    Rod,
-    Spherical,
-    Spring,
-)
+from fem_biobot.rod.records import Body, Gravity, Hold, Muscle, PointLoad, Rigid, Rod, Spherical, Spring
 from fem_biobot.rod.section import RodMaterial, Section
 
 GEL = RodMaterial(young=319.4, poisson=0.45, density=1.12e-6)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.ground import ContactPoints
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.records import (
     Body,
-    ContactPoints,
     DistributedLoad,
     Gravity,
     Hinge,

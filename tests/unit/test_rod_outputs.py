@@ -13,8 +13,9 @@ from PIL import Image
 from fem_biobot.errors import FileError
 from fem_biobot.rod.dynamics.integrate import Motion, dynamics
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import Body, ContactPoints, Gravity, Ground, Muscle, Rigid, Rod
+from fem_biobot.rod.records import Body, Gravity, Muscle, Rigid, Rod
 from fem_biobot.rod.section import RodMaterial, Section
 from fem_biobot.rod.walk import walk
 from fem_biobot.study.rod_outputs import draw_gait, draw_walk, write_rod_series

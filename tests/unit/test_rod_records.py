@@ -9,19 +9,8 @@ import numpy as np
 import pytest
 
 from fem_biobot.errors import ModelError
-from fem_biobot.rod.records import (
-    Body,
-    ContactPoints,
-    DistributedLoad,
-    Gravity,
-    Ground,
-    Hinge,
-    Hold,
-    Muscle,
-    PointLoad,
-    Rod,
-    Spring,
-)
+from fem_biobot.rod.ground import ContactPoints, Ground
+from fem_biobot.rod.records import Body, DistributedLoad, Gravity, Hinge, Hold, Muscle, PointLoad, Rod, Spring
 from fem_biobot.rod.section import RodMaterial, Section
 from tests.rods import straight
 

@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Body, ContactPoints, Ground, Hold, Muscle, Rigid, Rod, Spring
+from fem_biobot.rod.records import Body, Hold, Muscle, Rigid, Rod, Spring
 from fem_biobot.rod.section import RodMaterial, Section
 from fem_biobot.rod.tube_fields import KINDS, face_fields, line_fields, part_names, resultants
 from fem_biobot.rod.tubes import along_elements, contact_points, equivalent_box, ground_square, pieces

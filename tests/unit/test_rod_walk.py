@@ -19,8 +19,9 @@ from fem_biobot.rod import walk as walk_module
 from fem_biobot.rod.contact.kernels import SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Body, ContactPoints, Ground, Muscle, Rigid, Rod
+from fem_biobot.rod.records import Body, Muscle, Rigid, Rod
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import floating, placed, stance
 from fem_biobot.rod.section import RodMaterial, Section

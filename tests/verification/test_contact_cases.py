@@ -19,8 +19,9 @@ import pytest
 
 from fem_biobot.rod.contact.kernels import SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Integrator, Motion, Settings, dynamics
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Body, ContactPoints, Gravity, Ground, Hold, PointLoad, Spring
+from fem_biobot.rod.records import Body, Gravity, Hold, PointLoad, Spring
 from tests.helpers import unit
 
 MASS = 1.0  # kg

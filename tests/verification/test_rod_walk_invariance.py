@@ -19,8 +19,9 @@ import pytest
 from numpy.typing import NDArray
 
 from fem_biobot.rod.dynamics.integrate import Integrator, Motion, Settings, dynamics
+from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import Body, ContactPoints, Gravity, Ground, Hold, Muscle, Rigid, Rod
+from fem_biobot.rod.records import Body, Gravity, Hold, Muscle, Rigid, Rod
 from fem_biobot.rod.section import RodMaterial, Section
 
 Array = NDArray[np.float64]

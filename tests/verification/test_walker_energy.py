@@ -17,7 +17,7 @@ import pytest
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.rod.gait import Walk
-from fem_biobot.rod.records import Ground
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.rod.rest import floating
 from fem_biobot.rod.walk import walk

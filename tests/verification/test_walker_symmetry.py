@@ -21,8 +21,9 @@ from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.rod.contact.kernels import STICK
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Ground, Rigid
+from fem_biobot.rod.records import Rigid
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import contact_positions, stance
 from fem_biobot.rod.walk import walk

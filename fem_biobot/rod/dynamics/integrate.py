@@ -25,8 +25,8 @@ from fem_biobot.rod.dynamics.settings import Integrator, Settings
 from fem_biobot.rod.dynamics.start import fits, plane_of, refuse_inside, refuse_massless, state_of
 from fem_biobot.rod.explicit import kernels as explicit_kernels
 from fem_biobot.rod.explicit.stability import longest_step
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Ground
 
 __all__ = ["Checkpoint", "Drive", "Integrator", "Motion", "MotionInterrupted", "Settings", "dynamics"]
 

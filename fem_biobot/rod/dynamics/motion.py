@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.rod.dynamics.arrays import BOOK, State
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Ground
 
 Array = NDArray[np.float64]
 

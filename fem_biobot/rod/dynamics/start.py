@@ -12,9 +12,9 @@ from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.assembly import kernels as assembly_kernels
 from fem_biobot.rod.contact.kernels import STICK
 from fem_biobot.rod.dynamics.arrays import Plane, State
+from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.parts.kernels import contact
-from fem_biobot.rod.records import Ground
 
 Array = NDArray[np.float64]
 

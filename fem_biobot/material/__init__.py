@@ -5,5 +5,20 @@ from fem_biobot.material.law import Law
 from fem_biobot.material.laws import LAWS, law_from
 from fem_biobot.material.natural_state import NaturalState
 from fem_biobot.material.neo_hooke import NeoHooke
+from fem_biobot.material.volume import LINEAR, LOG, QUADRATIC, SplitLaw, Volumetric
 
-__all__ = ["LAWS", "ActiveStress", "Convention", "Law", "NaturalState", "NeoHooke", "NominalTension", "law_from"]
+__all__ = [
+    "LAWS",
+    "LINEAR",
+    "LOG",
+    "QUADRATIC",
+    "ActiveStress",
+    "Convention",
+    "Law",
+    "NaturalState",
+    "NeoHooke",
+    "NominalTension",
+    "SplitLaw",
+    "Volumetric",
+    "law_from",
+]

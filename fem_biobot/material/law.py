@@ -68,11 +68,13 @@ def inverse(F: Array) -> Array:
 def lame(young: float, poisson: float) -> tuple[float, float]:
     """Lame's ``lmbda`` and shear modulus ``mu`` [kPa] from Young's modulus [kPa] and Poisson's ratio [1].
 
-    Refuses a modulus that is not positive and a ratio outside [0, 0.5).
+    Refuses a modulus that is not positive and a ratio outside [0, 0.5]; at 0.5 exactly ``lmbda`` is infinite.
     """
     if not (np.isfinite(young) and young > 0.0):
         raise ModelError(f"young: found {young:g} kPa, expected above 0 kPa")
-    if not 0.0 <= poisson < 0.5:
-        raise ModelError(f"poisson: found {poisson:g}, expected at least 0 and below 0.5 for a compressible law")
+    if not 0.0 <= poisson <= 0.5:
+        raise ModelError(f"poisson: found {poisson:g}, expected at least 0 and at most 0.5")
     mu = young / (2.0 * (1.0 + poisson))
+    if poisson == 0.5:
+        return np.inf, mu
     return young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), mu

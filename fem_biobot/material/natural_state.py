@@ -9,6 +9,10 @@ import numpy as np
 from fem_biobot.errors import ModelError
 from fem_biobot.material.kernels import pull_back_points
 from fem_biobot.material.law import Array, Law, inverse, volume_ratio
+from fem_biobot.material.volume import SplitLaw, Volumetric
+
+# how far the volume of a natural state may be off by rounding, as a share of it
+_SAME_VOLUME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,20 @@ class NaturalState:
     def at(self, elements: np.ndarray) -> NaturalState:
         """The law with the natural states of these elements only, (k,)."""
         return self if self.F0.ndim == 2 else NaturalState(self.law, self.F0[:, :, elements])
+
+    def split(self) -> tuple[NaturalState, Volumetric]:
+        """The state of the law without its volumetric energy, and that energy.
+
+        Refuses a law that cannot be split, and a state of another volume than the reference body's: the pressure of
+        the mixed element measures volume from there.
+        """
+        if not isinstance(self.law, SplitLaw):
+            raise ModelError(f"NaturalState: found {type(self.law).__name__} inside, expected a law with split")
+        change = float(np.max(np.abs(volume_ratio(self.F0) - 1.0)))
+        if not change <= _SAME_VOLUME:
+            raise ModelError(f"F0: found det F0 off 1 by {change:.3g}, expected 1 everywhere for the mixed element")
+        rest, volumetric = self.law.split()
+        return NaturalState(rest, self.F0), volumetric
 
     def _inverse(self, F: Array) -> tuple[Array, Array]:
         F0 = self.F0.reshape(self.F0.shape + (1,) * (F.ndim - self.F0.ndim))

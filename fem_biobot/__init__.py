@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from fem_biobot.mesh.body import BodyMesh
     from fem_biobot.mesh.files import read_mesh, write_mesh
     from fem_biobot.mesh.geometry import build_mesh
+    from fem_biobot.rod.drag.record import Drag
     from fem_biobot.rod.dynamics.integrate import Motion, dynamics
     from fem_biobot.rod.ensemble import walk_ensemble
     from fem_biobot.rod.gait import Walk
@@ -58,6 +59,7 @@ _HOMES = {
     "mesh.body": ("BodyMesh",),
     "mesh.files": ("read_mesh", "write_mesh"),
     "mesh.geometry": ("build_mesh",),
+    "rod.drag.record": ("Drag",),
     "rod.dynamics.integrate": ("Motion", "dynamics"),
     "rod.ensemble": ("walk_ensemble",),
     "rod.gait": ("Walk",),
@@ -102,6 +104,7 @@ __all__ = [
     "Design",
     "DesignError",
     "DistributedLoad",
+    "Drag",
     "FileError",
     "Fix",
     "Gravity",

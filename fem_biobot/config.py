@@ -141,7 +141,9 @@ def _key_schema(key: Key) -> dict[str, Any]:
     # the unit itself is left to the program, which knows every one; the editor sees that there is one
     pattern = rf"^\s*{_NUMBER_PATTERN}\s*(1\s*/\s*)?[^0-9\s.,+/-].*$"
     schema = {"type": "string", "pattern": pattern, "examples": [DIMENSIONS[unit].example]}
-    return schema if key.field.is_required() else {**schema, "default": format_quantity(default, unit)}
+    if default is None or key.field.is_required():
+        return schema
+    return {**schema, "default": format_quantity(default, unit)}
 
 
 def _digest(design: Design, names: Sequence[str]) -> str:

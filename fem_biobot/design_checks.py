@@ -115,6 +115,11 @@ def _check_times_and_friction(design: Design) -> None:
             f"ground.kinetic_friction: found {ground.kinetic_friction:g}, "
             f"expected at most ground.static_friction ({ground.static_friction:g})"
         )
+    if ground.viscosity is not None and ground.immersion != "submerged":
+        raise DesignError(
+            f"ground.viscosity: found {format_quantity(ground.viscosity, 'kPa s')} with ground.immersion "
+            f'"{ground.immersion}", expected a viscosity of a medium ("submerged") only'
+        )
     if step > drive.duration:
         raise DesignError(
             f"numerics.step: found {format_quantity(step, 's')}, "

@@ -50,6 +50,7 @@ Angle = Annotated[float, Quantity("rad", 0.0, math.pi)]
 Modulus = Annotated[float, Quantity("kPa", 0.0, low_open=True)]
 Tension = Annotated[float, Quantity("kPa", 0.0)]
 Density = Annotated[float, Quantity("kg/mm^3", 0.0)]
+OptionalViscosity = Annotated[float | None, Quantity("kPa s", 0.0)]
 Force = Annotated[float, Quantity("mN")]
 Frequency = Annotated[float, Quantity("Hz", 0.0, low_open=True)]
 PositiveTime = Annotated[float, Quantity("s", 0.0, low_open=True)]
@@ -151,6 +152,9 @@ class Ground(Record, frozen=True):
     kinetic_friction: Coefficient = Field(default=0.3, description="Coulomb coefficient of a sliding foot [1]")
     immersion: Immersion = Field(default="air", description="submerged: buoyancy reduces the weight; air: it does not")
     medium_density: Density = Field(default=1e-6, description="Density of the medium when submerged [kg/mm^3]")
+    viscosity: OptionalViscosity = Field(
+        default=None, description="Viscosity of the medium when submerged, for drag; none if left out [kPa s]"
+    )
 
 
 class MeshSettings(Record, frozen=True):

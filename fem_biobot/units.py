@@ -75,6 +75,12 @@ DIMENSIONS: Mapping[str, Dimension] = {
         "g/mm^3",
         {"kg/mm^3": Fraction(1), "g/mm^3": Fraction(1, 1000), "g/cm^3": Fraction(1, 10**6)},
     ),
+    "kPa s": Dimension(
+        "a viscosity",
+        "1",
+        "mPa s",
+        {"kPa s": Fraction(1), "mPa s": Fraction(1, 10**6), "Pa s": Fraction(1, 1000)},
+    ),
     "rad": Dimension("an angle", "90", "deg", {"deg": _PI / 180, "rad": Fraction(1)}),
     "Hz": Dimension("a frequency", "2", "Hz", {"Hz": Fraction(1), "1/s": Fraction(1)}),
     "1": Dimension("a number", "0.9", "", {"": Fraction(1), "%": Fraction(1, 100), "percent": Fraction(1, 100)}),

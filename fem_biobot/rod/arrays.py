@@ -1,9 +1,9 @@
 """What the compiled kernels read of an assembly: tuples of arrays, made once by `rod.build`.
 
 Letters of shapes: ``n`` nodes, ``m`` elements, ``k`` axial members, ``l`` loads, ``j`` joints, ``c`` contact
-points. A node is a rigid group at its centre of mass: a node of a rod, a body, or several of these joined rigidly. An
-offset leads from a node to a point fixed to it, in the node's own frame. Node -1 is the world; its offset is a
-position.
+points, ``d`` lumps of drag. A node is a rigid group at its centre of mass: a node of a rod, a body, or several of
+these joined rigidly. An offset leads from a node to a point fixed to it, in the node's own frame. Node -1 is the world;
+its offset is a position.
 """
 
 from __future__ import annotations
@@ -91,6 +91,34 @@ class Contacts(NamedTuple):
     axis: Array
 
 
+class Drags(NamedTuple):
+    """Lumps of drag in a medium, see `rod.drag`.
+
+    Attributes
+    ----------
+    node, offset, axis
+        Where they act, (d,) and (d, 3) [mm], and the direction of least resistance, (d, 3) or zero for none.
+    along, across
+        Force by velocity along the axis and across it, (d,) [mN s/mm].
+    quadratic
+        Force by the square of the velocity across, (d,) [mN s^2/mm^2].
+    spin, tumble
+        Moment by angular velocity about the axis and across it, (d,) [mN mm s].
+    velocity
+        Of the medium, (d, 3) [mm/s].
+    """
+
+    node: Ints
+    offset: Array
+    axis: Array
+    along: Array
+    across: Array
+    quadratic: Array
+    spin: Array
+    tumble: Array
+    velocity: Array
+
+
 class Assembly(NamedTuple):
     """Everything about a model that does not change while it moves.
 
@@ -105,3 +133,4 @@ class Assembly(NamedTuple):
     constraints: Constraints
     contacts: Contacts
     gravity: Array
+    drag: Drags

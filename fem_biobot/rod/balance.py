@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fem_biobot.errors import ModelError
 from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.assembly import kernels
 from fem_biobot.rod.element.kernels import add_forces
@@ -84,6 +85,8 @@ class Forces:
 def conditions(model: RodModel, load: float, tension: float, drive: float, time: float) -> Conditions:
     """What acts on a model at factors of loads and tension; supports that loading moves are where `load` has them."""
     assembly = model.assembly
+    if assembly.drag.velocity.any():
+        raise ModelError("drag: velocity: found a medium that moves, expected one at rest outside `dynamics`")
     C = assembly.constraints
     if any(m.constraint >= 0 for m in model.built.moved):
         offset, frame = C.offset.copy(), C.frame.copy()

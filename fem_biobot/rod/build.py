@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fem_biobot.errors import ModelError
 from fem_biobot.rod.arrays import Assembly, Constraints, Contacts, Inertia, Loads, Members
 from fem_biobot.rod.atlas import Atlas, Built, Member, Moved
+from fem_biobot.rod.drag.record import Drag, drag_lumps
 from fem_biobot.rod.element import kernels as element
 from fem_biobot.rod.element.arrays import Elements
 from fem_biobot.rod.frames import node_frames
@@ -35,7 +36,7 @@ from fem_biobot.rod.section import stiffness
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Joint = Rigid | Spherical | Hinge
-Load = PointLoad | DistributedLoad | Gravity
+Load = PointLoad | DistributedLoad | Gravity | Drag
 
 # parts drawn further apart than this share of the model's size do not meet in a joint
 _MEETS = 1e-6
@@ -93,6 +94,7 @@ def build(
         _constraints(constraints),
         _contacts(contacts, atlas),
         gravity,
+        drag_lumps(loads, atlas, elements),
     )
     _refuse_loose_parts(assembly, atlas)
     return Built(assembly, atlas, atlas.centre.copy(), tuple(members), tuple(histories), volume, tuple(moved))
@@ -249,6 +251,8 @@ def _loads(
     histories: list[Any] = []
     gravity = np.zeros(3)
     for load in loads:
+        if isinstance(load, Drag):
+            continue
         if isinstance(load, Gravity):
             g = np.array(load.acceleration, dtype=float)
             gravity = gravity + g

@@ -38,7 +38,7 @@ class RodModel:
     supports
         `Hold` records. None is needed for dynamics.
     loads
-        `PointLoad`, `DistributedLoad`, `Gravity`.
+        `PointLoad`, `DistributedLoad`, `Gravity`, `Drag`.
     members
         `Muscle` and `Spring` records.
     contacts

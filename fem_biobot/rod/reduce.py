@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.build import Load
+from fem_biobot.rod.drag.record import Drag
 from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.records import Body, Gravity, Hold, Muscle, PointLoad, Rigid, Rod, Vector
@@ -184,10 +186,13 @@ def reduce(
     *Masses.* Gel: pillars and beam. Tissue: a frame of ``ring_thickness x ring_height`` around each pillar, bonded to
     it, and the muscle between, half at each end. Each has its own centre, so that buoyancy acts where it should.
     *Damping.* Kelvin-Voigt with ``numerics.damping_time`` in beam and muscle.
+    *Drag.* None without ``ground.viscosity``. With it, in the medium at rest: each pillar with its ring as a sphere of
+    their volume, each bay of the beam, which is a plate and no slender rod, as one of its volume, linear and quadratic
+    (see `Drag`, an assumption: about the size, not the shape). The ground's nearness is left out.
 
     Left out: the pillars' flexibility and the beam's above them (a corner of gel yields: the solid is softer there),
     fillets, shear lag where the muscle joins a pillar, the rings' own stiffness and tension (they are taken as shrunk
-    on, without net force), bending of the muscle, its contact with beam or pillar, warping of the beam, and drag.
+    on, without net force), bending of the muscle, its contact with beam or pillar, and warping of the beam.
     """
     factor, strands = PlateFactor(plate_factor), Strands(strands)
     if design.kind == "strip":
@@ -264,11 +269,15 @@ def _bot(design: Design, elements: int, factor: PlateFactor, strands: Strands) -
         joints.append(Rigid((rod.name, 0), (left, tuple(rod.points[0].tolist()))))
         joints.append(Rigid((rod.name, -1), (right, tuple(rod.points[-1].tolist()))))
     medium = design.ground.medium_density if design.ground.immersion == "submerged" else 0.0
+    loads: list[Load] = [Gravity((0.0, 0.0, -GRAVITY), medium)]
+    if design.ground.viscosity is not None:
+        parts = [part.name for part in (*rods, *bodies, *rings)]
+        loads.append(Drag(design.ground.viscosity, density=medium, rods=(), spheres=parts))
     return {
         "rods": rods,
         "joints": joints,
         "bodies": [*bodies, *rings],
-        "loads": [Gravity((0.0, 0.0, -GRAVITY), medium)],
+        "loads": loads,
         "members": _muscles(design, names, bays, strands),
         "contacts": feet,
         "damping_time": design.numerics.damping_time,

@@ -344,6 +344,8 @@ GENERIC = (
     "muscle.passive_tension=7.7 psi",
     "drive.duration=1.1 min",
     "skeleton.fillet_radius=0.0123 inch",
+    "ground.immersion=submerged",
+    "ground.viscosity=0.8937 cP",
     'name=odd "name" \\ ü',
 )
 
@@ -374,7 +376,7 @@ def test_generic_values_survive_the_resolved_file_exactly(tmp_path: Path) -> Non
 
 
 def test_the_resolved_file_holds_every_key_of_its_kind_with_units() -> None:
-    """All keys that a bot has are written, dimensional ones as text with a unit.
+    """All keys that a bot has are written, dimensional ones as text with a unit; no viscosity where none is given.
 
     Catches: defaults left out, a bare number for a length.
     """
@@ -387,7 +389,7 @@ def test_the_resolved_file_holds_every_key_of_its_kind_with_units() -> None:
     }
     for part in ("skeleton", "muscle"):
         written |= {f"{part}.material.{name}": value for name, value in table[part]["material"].items()}
-    assert set(written) == set(keys()) - {"muscle.junction_length", "load.tip_force"}
+    assert set(written) == set(keys()) - {"muscle.junction_length", "load.tip_force", "ground.viscosity"}
     for name, value in written.items():
         quantity = keys()[name].quantity
         if quantity is not None:
@@ -456,6 +458,8 @@ def test_the_digest_sees_every_key() -> None:
     assert len(seen) == changed + 1
     nearest = math.nextafter(14.0, 15.0)
     assert digest(bot.with_values({"skeleton.beam_length": nearest})) != digest(bot)
+    wet = bot.with_values({"ground.immersion": "submerged"})
+    assert digest(wet.with_values({"ground.viscosity": 0.0})) != digest(wet)
 
 
 def test_the_geometry_digest_sees_shape_alone() -> None:

@@ -58,6 +58,7 @@ BOOK = (
     "normal",
     "joints",
     "integrator",
+    "drag",
 )
 
 
@@ -88,6 +89,7 @@ class Work(NamedTuple):
     gain: Array  # (m,) factor on stiffness by damping
     tension: Array  # (k,)
     force: Array  # (n, 6)
+    drag: Array  # (n, 6)
     spin: Array  # (n, 3) angular momenta at the end, and at the beginning
     spin0: Array
     rhs: Array  # (n + j, 6)
@@ -122,7 +124,7 @@ def work_for(state: State, n_blocks: int, n_touching: int) -> Work:
     node, vector = (n, 6), (n + j, 6)
     shapes: list[Any] = [
         *(np.zeros(s) for s in ((n, 3), (n, 3, 3), (n, 3), (n, 3, 3), node, node, (n, 3))),
-        *(np.zeros(s) for s in ((m, 6), (k,), (m, 6), (m,), (k,), node, (n, 3), (n, 3), vector, vector, vector)),
+        *(np.zeros(s) for s in ((m, 6), (k,), (m, 6), (m,), (k,), node, node, (n, 3), (n, 3), vector, vector, vector)),
         *(np.zeros(s) for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (c,), (c, 3, 6), (c, 3, 6), (c, 3), (c, 3))),
         np.zeros((c, 3)),
         np.zeros(c, dtype=np.int64),

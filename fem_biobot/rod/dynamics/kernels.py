@@ -39,6 +39,7 @@ from fem_biobot.rod.assembly.kernels import (  # noqa: E402
     tensions,
 )
 from fem_biobot.rod.blocks.kernels import compliance, factor, solve  # noqa: E402
+from fem_biobot.rod.drag.kernels import add_drag, add_drag_tangents  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import (  # noqa: E402
     CONTACT_ACCEPTED,
     CONTACT_ITERATIONS,
@@ -108,8 +109,8 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
     tensions(assembly.members, state.lengths, work.lengths, theta, rate, pull, tension)
     clear(force)
     add_all_forces(assembly, work.xm, work.Qm, s, tension, load_factor, 1.0, force)
+    scale = h * add_drag(assembly.drag, work.Qm, work.vm, force)
     angular_momentum(inertia.J, Q1, v1, work.spin)
-    scale = 0.0
     momentum = 0.0
     far = 0.0
     for i in range(mass.shape[0]):
@@ -158,6 +159,7 @@ def factorise(assembly, system, h, theta, load_factor, work):
         load_factor, theta * theta * h * h, blocks,
     )  # fmt: skip
     g = theta * h
+    add_drag_tangents(assembly.drag, inertia.held, system.plan.diagonal, work.Qm, work.vm, g, g * g, blocks)
     for i in range(inertia.mass.shape[0]):
         B = blocks[system.plan.diagonal[i]]
         if inertia.held[i] == 1:

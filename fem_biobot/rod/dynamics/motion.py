@@ -70,7 +70,7 @@ class Motion:
     slip_share, contact_share
         Share of the time since the sample before in which a point slipped, or bore a force, (s, c) [1].
     book
-        Energies at the samples, (s, 10) [uJ]; columns are `BOOK`.
+        Energies at the samples, (s, 11) [uJ]; columns are `BOOK`.
     drive
         Of the muscles, (s,) [1].
     steps, iterations, factorisations, halved

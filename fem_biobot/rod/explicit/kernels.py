@@ -7,6 +7,7 @@ momentum by them and by the impulses of joints and ground, and drifts the other 
 
 Without damping and contact this is the position form of Stoermer-Verlet: second order, momentum and angular momentum to
 rounding, energy bounded. Stable for steps below 2 over the highest angular frequency (see `rod.explicit.stability`).
+Drag is taken at the velocity in the middle of the kick, extrapolated from the last one.
 
 A joint demands ``J v1 + g_half / h = 0`` and the ground ``0 <= J_n v1 + g_half / h`` complementary to its impulse: the
 gaps of the next half step are closed, not those of this one, so nothing penetrates there and nothing bounces. Nothing
@@ -35,6 +36,7 @@ from fem_biobot.rod.assembly.kernels import (  # noqa: E402
 )
 from fem_biobot.rod.blocks.kernels import compliance, factor, solve  # noqa: E402
 from fem_biobot.rod.contact.kernels import settle  # noqa: E402
+from fem_biobot.rod.drag.kernels import add_drag  # noqa: E402
 from fem_biobot.rod.dynamics.book.kernels import enter_damping  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import (  # noqa: E402
     CONTACT_ACCEPTED,
@@ -120,6 +122,22 @@ def _free_compliance(inertia, inverse, touching, work):
                     work.free[i, 3 + a] += Js[3 * a + b] * work.rhs[i, 3 + b]
 
 
+@njit(**INNER)
+def _drag(drags, Q, v, change, h, middle, drag, force):
+    """Write the drag in the middle of a kick to `drag` (n, 6) and add it to `force`; `middle` (n + j, 6) is scratch.
+
+    The velocity there is that before the kick and half of the last change (Adams and Bashforth): second order.
+    """
+    for i in range(v.shape[0]):
+        for a in range(6):
+            middle[i, a] = v[i, a] + 0.5 * h * change[i, a]
+    clear(drag)
+    add_drag(drags, Q, middle, drag)
+    for i in range(v.shape[0]):
+        for a in range(6):
+            force[i, a] += drag[i, a]
+
+
 @njit(cache=True, nogil=True)
 def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, work, scratch, book, tally):
     """Make steps of length `h`; parameters and tallies as in `rod.dynamics.kernels.implicit_run`.
@@ -133,6 +151,7 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
     n = mass.shape[0]
     count = contacts.node.shape[0]
     jointed = work.joint1.shape[0] > 0
+    dragged = assembly.drag.node.shape[0] > 0
     spin, v1, vm, rhs, force, column, xm, Qm = (
         work.spin, work.v1, work.vm, work.rhs, work.force, work.column, work.xm, work.Qm,
     )  # fmt: skip
@@ -160,6 +179,8 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
         tensions(assembly.members, state.lengths, work.lengths, 1.0, 1.0 / h, pull, work.tension)
         clear(force)
         add_all_forces(assembly, xm, Qm, work.s, work.tension, factors, 1.0, force)
+        if dragged:
+            _drag(assembly.drag, Qm, v1, state.change, h, column, work.drag, force)
         for i in range(n):
             for a in range(6):
                 rhs[i, a] = h * force[i, a] if held[i] == 0 else 0.0
@@ -210,6 +231,10 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
                         v1[i, a] += rhs[i, a] / mass[i]
                         spin[i, a] += rhs[i, 3 + a]
             spin_up(inverse, Qm, spin, v1)
+        if dragged:
+            for i in range(n):
+                for a in range(6):
+                    state.change[i, a] = (v1[i, a] - vm[i, a]) / h
         # forces and impulses work on the mean of the velocities before and after them
         for i in range(n):
             for a in range(6):
@@ -221,6 +246,8 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
         clear(column)
         add_loads(assembly.loads, factors, Qm, column)
         book[4] += h * power_of(column, vm)
+        if dragged:
+            book[10] += h * power_of(work.drag, vm)
         enter_damping(assembly, h, state.strain, work.strain, state.lengths, work.lengths, book)
         copy(work.strain, state.strain)
         copy_row(work.lengths, state.lengths)

@@ -4,8 +4,9 @@ With ``q`` at the half steps, a mode of angular frequency w and Kelvin-Voigt tim
 
     q2 - 2 q1 + q0 = -(h w)^2 (q1 + tau (q1 - q0) / h),   bounded while  (h w)^2 + 2 h w^2 tau < 4
 
-(both roots within the unit circle). For an assembly the left side is the largest eigenvalue of its tangent, with each
-element's stiffness multiplied by ``1 + 2 tau / h``, over its masses; joints take directions away.
+(both roots within the unit circle). Drag of the rate g, taken at ``v1 + (v1 - v0) / 2``, adds ``4 h g`` to the left
+side. For an assembly the left side is the largest eigenvalue of its tangent, with each element's stiffness multiplied
+by ``1 + 2 tau / h`` and the drag's by ``4 / h``, over its masses; joints take directions away.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.assembly.kernels import add_stiffness, measure, resultants, tensions
+from fem_biobot.rod.drag.kernels import add_drag_tangents
 from fem_biobot.rod.dynamics.arrays import State
 from fem_biobot.rod.parts.kernels import constraint
 from fem_biobot.rod.system import System
@@ -32,7 +34,7 @@ _ROUNDS = 20
 def longest_step(assembly: Assembly, system: System, state: State, pull: Array, wanted: float) -> float:
     """Limit of the step at a state with the active tensions `pull` (k,) [s]; `wanted` if that is below it."""
     step = wanted
-    if not len(assembly.damping) and not len(assembly.members.law):
+    if not len(assembly.damping) and not len(assembly.members.law) and not len(assembly.drag.node):
         return step
     for _ in range(_ROUNDS):
         slow, value = _modes(assembly, system, state, pull, step)
@@ -76,6 +78,9 @@ def _operator(
         assembly, system, state.x, state.Q, s, 1.0 + rate * assembly.damping, tension, lengths, 1.0, rate,
         np.zeros(len(assembly.loads.node)), h * h, blocks,
     )  # fmt: skip
+    add_drag_tangents(
+        assembly.drag, assembly.inertia.held, system.plan.diagonal, state.Q, state.v, 4.0 * damping * h, 0.0, blocks
+    )
     root = np.zeros((n, 6, 6))  # of the inverse masses: M^-1 = root root^T
     for i in range(n):
         if assembly.inertia.held[i] == 0:

@@ -10,6 +10,7 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 
 from fem_biobot.rod.assembly.kernels import add_joint_forces, energies  # noqa: E402
 from fem_biobot.rod.contact.kernels import settle  # noqa: E402
+from fem_biobot.rod.drag.kernels import add_drag  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import CONTACT_TOLERANCE, enter_ground  # noqa: E402
 from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
     clear,
@@ -73,6 +74,10 @@ def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tal
     clear(column)
     add_loads(assembly.loads, load_factor, work.Qm, column)
     book[4] += h * power_of(column, vm)
+    if assembly.drag.node.shape[0] > 0:
+        clear(column)
+        add_drag(assembly.drag, work.Qm, vm, column)
+        book[10] += h * power_of(column, vm)
     enter_ground(C.node, work.push, work.p, work.touch, vm, h, book, tally)
     if work.joint1.shape[0] > 0:
         clear(column)

@@ -1,0 +1,1 @@
+"""Drag of rods and bodies in a viscous medium."""

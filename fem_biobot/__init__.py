@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from fem_biobot.rod.reduce import reduce
     from fem_biobot.rod.section import RodMaterial, Section
     from fem_biobot.rod.statics import RodSolution, RodStep, reaction, statics
+    from fem_biobot.rod.touch import Touch
     from fem_biobot.rod.walk import walk
     from fem_biobot.solid.from_design import tension_step
     from fem_biobot.solid.measures import measures
@@ -82,6 +83,7 @@ _HOMES = {
     ),
     "rod.section": ("RodMaterial", "Section"),
     "rod.reduce": ("reduce",),
+    "rod.touch": ("Touch",),
     "rod.statics": ("RodSolution", "RodStep", "reaction", "statics"),
     "rod.walk": ("walk",),
     "solid.from_design": ("tension_step",),
@@ -135,6 +137,7 @@ __all__ = [
     "Spring",
     "Step",
     "Symmetry",
+    "Touch",
     "Traction",
     "Walk",
     "build_mesh",

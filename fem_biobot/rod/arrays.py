@@ -1,9 +1,9 @@
 """What the compiled kernels read of an assembly: tuples of arrays, made once by `rod.build`.
 
 Letters of shapes: ``n`` nodes, ``m`` elements, ``k`` axial members, ``l`` loads, ``j`` joints, ``c`` contact
-points, ``d`` lumps of drag. A node is a rigid group at its centre of mass: a node of a rod, a body, or several of
-these joined rigidly. An offset leads from a node to a point fixed to it, in the node's own frame. Node -1 is the world;
-its offset is a position.
+points, ``t`` nodes that touch other parts, ``s`` segments of what they touch, ``d`` lumps of drag. A node is a rigid
+group at its centre of mass: a node of a rod, a body, or several of these joined rigidly. An offset leads from a node to
+a point fixed to it, in the node's own frame. Node -1 is the world; its offset is a position.
 """
 
 from __future__ import annotations
@@ -119,6 +119,34 @@ class Drags(NamedTuple):
     velocity: Array
 
 
+class Touches(NamedTuple):
+    """Round nodes that stay outside round chains of straight segments.
+
+    Attributes
+    ----------
+    node, offset
+        The centre of what touches, (t,) and (t, 3) [mm].
+    first, last
+        Its chain: segments of this number up to before that, (t,) each.
+    chain_node, chain_offset
+        Ends of the segments of all chains, (s, 2) and (s, 2, 3) [mm].
+    distance, radius
+        Between the axes where the surfaces meet, and the share of the one that touches, (t,) each [mm].
+    friction
+        Coulomb's coefficient between the surfaces, (t,) [1].
+    """
+
+    node: Ints
+    offset: Array
+    first: Ints
+    last: Ints
+    chain_node: Ints
+    chain_offset: Array
+    distance: Array
+    radius: Array
+    friction: Array
+
+
 class Assembly(NamedTuple):
     """Everything about a model that does not change while it moves.
 
@@ -132,5 +160,6 @@ class Assembly(NamedTuple):
     loads: Loads
     constraints: Constraints
     contacts: Contacts
+    touches: Touches
     gravity: Array
     drag: Drags

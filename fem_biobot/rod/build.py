@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
-from fem_biobot.rod.arrays import Assembly, Constraints, Contacts, Inertia, Loads, Members
+from fem_biobot.rod.arrays import Assembly, Constraints, Inertia, Loads, Members
 from fem_biobot.rod.atlas import Atlas, Built, Member, Moved
+from fem_biobot.rod.contacts import contact_arrays, touch_arrays
 from fem_biobot.rod.drag.record import Drag, drag_lumps
 from fem_biobot.rod.element import kernels as element
 from fem_biobot.rod.element.arrays import Elements
@@ -32,6 +33,7 @@ from fem_biobot.rod.records import (
     vector,
 )
 from fem_biobot.rod.section import stiffness
+from fem_biobot.rod.touch import Touch
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,6 +52,7 @@ def build(
     loads: Sequence[Load],
     members: Sequence[Member],
     contacts: Sequence[ContactPoints],
+    touches: Sequence[Touch],
     damping_time: float,
 ) -> Built:
     """Put an assembly together; refuses what does not fit with one line that names it."""
@@ -92,7 +95,8 @@ def build(
         _members(members, atlas),
         point_loads,
         _constraints(constraints),
-        _contacts(contacts, atlas),
+        contact_arrays(contacts, atlas),
+        touch_arrays(touches, atlas),
         gravity,
         drag_lumps(loads, atlas, elements),
     )
@@ -298,35 +302,6 @@ def _constraints(rows: list[tuple[int, int, Array, Array, Sequence[int], Array]]
     )
 
 
-def _contacts(contacts: Sequence[ContactPoints], atlas: Atlas) -> Contacts:
-    nodes, offsets, radii, axes = [], [], [], []
-    for group in contacts:
-        if isinstance(group.part, str):
-            if group.part not in atlas.bodies:
-                raise ModelError(
-                    f"contact points: no body of the name {group.part!r}, expected one of: {', '.join(atlas.bodies)}"
-                )
-            node = atlas.node_of[group.part, 0]
-        else:
-            node, _ = atlas.locate(group.part)
-        axis = np.zeros(3)
-        if group.axis is not None:
-            axis = vector("contact points: axis", group.axis)
-            axis = axis / np.linalg.norm(axis)
-        for position in group.points:
-            nodes.append(node)
-            offsets.append(position - atlas.centre[node])
-            radii.append(group.radius)
-            axes.append(axis)
-    c = len(nodes)
-    return Contacts(
-        np.array(nodes, dtype=np.int64),
-        np.array(offsets, dtype=float).reshape(c, 3),
-        np.array(radii, dtype=float),
-        np.array(axes, dtype=float).reshape(c, 3),
-    )
-
-
 def _refuse_loose_parts(assembly: Assembly, atlas: Atlas) -> None:
     """Every part must hang together with the others by rods, joints or members."""
     n = len(atlas.centre)
@@ -339,7 +314,10 @@ def _refuse_loose_parts(assembly: Assembly, atlas: Atlas) -> None:
 
     world = n
     root.append(world)
-    pairs = np.concatenate([assembly.elements.nodes, assembly.members.nodes, assembly.constraints.nodes])
+    T = assembly.touches
+    chains = [(T.node[k], end) for k in range(len(T.node)) for end in T.chain_node[T.first[k] : T.last[k]].ravel()]
+    meeting = np.array(chains, dtype=np.int64).reshape(-1, 2)
+    pairs = np.concatenate([assembly.elements.nodes, assembly.members.nodes, assembly.constraints.nodes, meeting])
     for a, b in pairs:
         i, j = find(int(a)), find(int(b) if b >= 0 else world)
         root[max(i, j)] = min(i, j)
@@ -349,8 +327,8 @@ def _refuse_loose_parts(assembly: Assembly, atlas: Atlas) -> None:
     if len(parts) > 1:
         groups = [[key[0] for key, node in atlas.node_of.items() if find(node) == part] for part in sorted(parts)]
         raise ModelError(
-            f"model: {groups[0][0]!r} and {groups[1][0]!r} are not connected, expected a joint, a member or a support "
-            "for every part"
+            f"model: {groups[0][0]!r} and {groups[1][0]!r} are not connected, expected a joint, a member, a touch or a "
+            "support for every part"
         )
 
 

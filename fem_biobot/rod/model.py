@@ -19,6 +19,7 @@ from fem_biobot.rod.build import Atlas, Built, Joint, Load, Member, build
 from fem_biobot.rod.ground import ContactPoints
 from fem_biobot.rod.records import Body, Hold, Muscle, Place, Rod
 from fem_biobot.rod.system import System, system
+from fem_biobot.rod.touch import Touch
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,8 @@ class RodModel:
         `Muscle` and `Spring` records.
     contacts
         `ContactPoints`: where the ground can touch.
+    touches
+        `Touch` records: rods that stay outside other parts.
     damping_time
         Kelvin-Voigt time of rods that name none [s]: resultants gain this times their rate.
 
@@ -68,15 +71,15 @@ class RodModel:
         members: Sequence[Member] = (),
         contacts: Sequence[ContactPoints] = (),
         damping_time: float = 0.0,
+        touches: Sequence[Touch] = (),
     ) -> None:
         if not (np.isfinite(damping_time) and damping_time >= 0.0):
             raise ModelError(f"damping_time: found {damping_time!r}, expected a finite time of at least 0 s")
         self.rods, self.joints, self.bodies = tuple(rods), tuple(joints), tuple(bodies)
         self.supports, self.loads, self.members = tuple(supports), tuple(loads), tuple(members)
-        self.contacts, self.damping_time = tuple(contacts), float(damping_time)
-        self.built: Built = build(
-            self.rods, self.joints, self.bodies, self.supports, self.loads, self.members, self.contacts, damping_time
-        )
+        self.contacts, self.touches, self.damping_time = tuple(contacts), tuple(touches), float(damping_time)
+        parts = (self.rods, self.joints, self.bodies, self.supports, self.loads, self.members)
+        self.built: Built = build(*parts, self.contacts, self.touches, damping_time)
 
     @property
     def assembly(self) -> Assembly:
@@ -263,3 +266,12 @@ class RodState:
         """Of everything, (3,) [mm]."""
         mass = self.model.assembly.inertia.mass
         return (mass @ self.x) / mass.sum()
+
+
+def refuse_touches(analysis: str, model: RodModel) -> None:
+    """Refuse parts that touch in an analysis that does not know of it."""
+    if model.touches:
+        raise ModelError(
+            f"{analysis}: found {len(model.touches)} touches, expected a model without; dynamics with much damping "
+            "finds how parts rest on each other"
+        )

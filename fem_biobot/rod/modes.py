@@ -15,7 +15,7 @@ from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.balance import Conditions, Forces, of_state, out_of_balance, tangent
 from fem_biobot.rod.free import free_motions
 from fem_biobot.rod.load_path import first_multipliers
-from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.rod.model import RodModel, RodState, refuse_touches
 from fem_biobot.rod.newton import Counts, Problem
 from fem_biobot.rod.sparse import Factors, Pattern, SingularError, negative_motions, pattern
 
@@ -86,6 +86,7 @@ def modes(model: RodModel, at: RodState | None = None, count: int = 6) -> Modes:
     """
     if not isinstance(count, int | np.integer) or count < 1:
         raise ModelError(f"count: found {count!r}, expected at least 1")
+    refuse_touches("modes", model)
     if at is not None and at.model is not model:
         raise ModelError("at: found a state of another model, expected one of this model")
     state = _drawn(model) if at is None else at

@@ -133,7 +133,9 @@ def _support_angle(points: Array) -> float:
 
 
 def stance(model: RodModel, ground: Ground) -> Stance:
-    """How a machine stands: its floating shape, put on the ground and left to settle with more damping than its own.
+    """How a machine stands: put on the ground and left to settle with more damping than its own.
+
+    It begins in its floating shape, or as drawn if parts of it touch each other.
 
     Raises
     ------
@@ -142,7 +144,8 @@ def stance(model: RodModel, ground: Ground) -> Stance:
     SolveError
         A machine that does not come to rest within 20 s, or falls; `best` is the last `RodState`.
     """
-    start, tilt = placed(model, floating(model), ground)
+    # statics does not know how parts rest on each other: such a machine settles from its drawing
+    start, tilt = placed(model, model.drawn() if model.touches else floating(model), ground)
     heavy = _damped(model)
     weight = float(np.linalg.norm(model.assembly.gravity)) * model.mass
     still = _STILL * max(weight, 1e-12) * 1e-3
@@ -172,4 +175,5 @@ def _damped(model: RodModel) -> RodModel:
     rods = [
         replace(rod, damping_time=max(_SETTLE_DAMPING, rod.damping_time or model.damping_time)) for rod in model.rods
     ]
-    return RodModel(rods, model.joints, model.bodies, model.supports, model.loads, model.members, model.contacts)
+    parts = (model.joints, model.bodies, model.supports, model.loads, model.members, model.contacts)
+    return RodModel(rods, *parts, touches=model.touches)

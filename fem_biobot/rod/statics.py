@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.rod.balance import Point, StepFailedError, of_state, out_of_balance
 from fem_biobot.rod.load_path import LoadPath, Settings
-from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.rod.model import RodModel, RodState, refuse_touches
 from fem_biobot.rod.newton import Listener
 from fem_biobot.rod.parts.kernels import constraint
 from fem_biobot.rod.records import Place
@@ -127,7 +127,7 @@ def statics(
     Raises
     ------
     ModelError
-        A model that supports leave free to move, with the motion's name; a step that is no number.
+        A model that supports leave free to move, with the motion's name, or with touches; a step that is no number.
     SolveError
         Where a step finds no equilibrium however small it is made; its `best` is the solution up to there.
 
@@ -143,6 +143,7 @@ def statics(
         raise ModelError(f"free: found {free!r}, expected 'refuse' or 'hold'")
     if free == "hold" and model.supports:
         raise ModelError(f"free: found 'hold' with {len(model.supports)} supports, expected a model without any")
+    refuse_touches("statics", model)
     if start is not None and start.model is not model:
         raise ModelError("start: found a state of another model, expected one of this model")
     settings = Settings(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem_biobot.rod.arrays import Assembly
+from fem_biobot.rod.arrays import Assembly, Contacts
 from fem_biobot.rod.blocks.plan import Plan, plan
 
 Ints = NDArray[np.int64]
@@ -27,7 +27,11 @@ class System(NamedTuple):
     joint
         Blocks (a, joint), (joint, a), (b, joint), (joint, b), (joint, joint), (j, 5); -1 for the world.
     touching
-        Nodes that carry contact points, (f,), and for each contact point its number among them, (c,).
+        Nodes that can come into contact, with the ground or each other, (f,).
+    number
+        Number of each node among those, -1 for others, (n,).
+    foot
+        Number of each contact point's node among those, (c,); the ground's alone.
     """
 
     plan: Plan
@@ -36,6 +40,7 @@ class System(NamedTuple):
     member: Ints
     joint: Ints
     touching: Ints
+    number: Ints
     foot: Ints
 
 
@@ -55,13 +60,31 @@ def system(assembly: Assembly) -> System:
         return np.array(rows, dtype=np.int64).reshape(len(nodes), 4)
 
     rows = [[slot(a, j), slot(j, a), slot(b, j), slot(j, b), slot(j, j)] for a, b, j in joints]
-    touching, foot = np.unique(assembly.contacts.node, return_inverse=True)
+    touching, number = _touching(assembly)
     return System(
         made,
         count,
         four(assembly.elements.nodes),
         four(assembly.members.nodes),
         np.array(rows, dtype=np.int64).reshape(len(joints), 5),
-        touching.astype(np.int64),
-        foot.astype(np.int64).reshape(-1),
+        touching,
+        number,
+        number[assembly.contacts.node],
     )
+
+
+def _touching(assembly: Assembly) -> tuple[Ints, Ints]:
+    """Nodes that can come into contact, and the number of every node among them or -1."""
+    touches = assembly.touches
+    touching = np.unique(np.concatenate([assembly.contacts.node, touches.node, touches.chain_node.ravel()]))
+    number = np.full(len(assembly.inertia.mass), -1, dtype=np.int64)
+    number[touching] = np.arange(len(touching))
+    return touching.astype(np.int64), number
+
+
+def without_ground(assembly: Assembly, found: System) -> tuple[Assembly, System]:
+    """The same assembly where nothing stops contact points."""
+    none: list[Any] = [np.ascontiguousarray(a[:0]) for a in assembly.contacts]
+    assembly = assembly._replace(contacts=Contacts(*none))
+    touching, number = _touching(assembly)
+    return assembly, found._replace(touching=touching, number=number, foot=found.foot[:0].copy())

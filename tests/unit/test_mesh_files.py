@@ -259,7 +259,9 @@ def test_a_mesh_of_another_design_is_refused(tmp_path: Path) -> None:
     )
     write_mesh(path, box_mesh(2, (7e-3, 2.2e-3, 0.4e-3)))
     assert "seems to be in m" in refusal(path, design=design)
-    assert "found no skeleton and muscle, which the design has not, expected skeleton" in refusal(path, design=load_design("cantilever"))
+    assert "found no skeleton and muscle, which the design has not, expected skeleton" in refusal(
+        path, design=load_design("cantilever")
+    )
 
 
 # --- refusals ---------------------------------------------------------------------------------------------------------

@@ -23,7 +23,8 @@ class State(NamedTuple):
     change
         Change of `v` in the last step, per time, from which the next is guessed, (n, 6).
     impulse
-        Of the ground on each contact point in the last step: normal and two tangential, (c, 3) [mN s].
+        Of each contact in the last step: normal and two tangential, (c, 3) [mN s]. The ground's contact points come
+        first, then the nodes that touch other parts.
     touch
         Of the points: lifted, sticking or slipping as in `rod.contact.kernels`, (c,).
     slide
@@ -63,14 +64,33 @@ BOOK = (
 
 
 class Plane(NamedTuple):
-    """The ground: normal and tangents (rows, 3, 3), height [mm], velocity (3,), coefficients of each point against slip
-    along +t1, -t1, +t2, -t2 while it sticks and while it slips, (c, 4)."""
+    """The ground: normal and tangents (rows, 3, 3), height [mm], velocity (3,), coefficients of each contact against
+    slip along +t1, -t1, +t2, -t2 while it sticks and while it slips, (c, 4)."""
 
     axes: Array
     height: float
     velocity: Array
     static: Array
     kinetic: Array
+
+
+class Near(NamedTuple):
+    """The contact problem: those contacts that are near enough to matter, in front of arrays for all of them.
+
+    `order` (c,) are their numbers, `number` (1,) how many; `W` (9 c^2,) velocity by impulse; the others as in
+    `rod.contact.kernels.solve_friction`.
+    """
+
+    order: Ints
+    number: Ints
+    W: Array
+    b: Array
+    p: Array
+    w: Array
+    static: Array
+    kinetic: Array
+    touch: Ints
+    slide: Array
 
 
 class Work(NamedTuple):
@@ -100,15 +120,16 @@ class Work(NamedTuple):
     joint_gap: Array
     joint_rate: Array
     gap: Array  # (c,)
-    rows: Array  # (c, 3, 6) velocities of the contact points by those of their nodes, at the end
-    push: Array  # (c, 3, 6) the same at theta, where impulses act
+    rows: Array  # (c, 3, e, 6) velocities of the contacts by those of e nodes, at the end
+    ends: Ints  # (c, e) those nodes, or -1
+    push: Array  # (c, 3, e, 6) the same at theta, where impulses act
+    push_ends: Ints
     p: Array  # (c, 3)
-    w: Array  # (c, 3)
-    b: Array  # (c, 3)
-    touch: Ints
-    W: Array  # (3 c, 3 c)
-    compliance: Array  # (6 f, 6 f) of the nodes that touch
-    response: Array  # (6 f, 3 c)
+    touch: Ints  # (c,)
+    operator: Array  # (3, 3), an example of the operator that the contact solver takes
+    near: Near
+    compliance: Array  # (6 f, 6 f) of the nodes that can come into contact
+    response: Array  # (6 f, 3)
 
 
 def copied(state: State) -> State:
@@ -117,17 +138,32 @@ def copied(state: State) -> State:
     return State(*arrays)
 
 
-def work_for(state: State, n_blocks: int, n_touching: int) -> Work:
+def work_for(state: State, n_blocks: int, n_touching: int, n_touches: int) -> Work:
     """Room for the steps of an assembly in the given state."""
     n, c, j, m, k = (len(a) for a in (state.x, state.impulse, state.joint, state.strain, state.lengths))
-    f = 6 * n_touching
-    node, vector = (n, 6), (n + j, 6)
+    f, e = 6 * n_touching, 3 if n_touches else 1
+    node, vector, vectors = (n, 6), (n + j, 6), (c, 3)
+
+    def rows() -> tuple[Array, Ints]:
+        return np.zeros((c, 3, e, 6)), np.full((c, e), -1, dtype=np.int64)
+
+    def whole(*shape: int) -> Ints:
+        return np.zeros(shape, dtype=np.int64)
+
+    b, p, w = (np.zeros(vectors) for _ in range(3))
+    near = Near(
+        whole(c), whole(1), np.zeros(9 * c * c), b, p, w, np.zeros((c, 4)), np.zeros((c, 4)), whole(c), np.zeros((c, 2))
+    )
     shapes: list[Any] = [
         *(np.zeros(s) for s in ((n, 3), (n, 3, 3), (n, 3), (n, 3, 3), node, node, (n, 3))),
         *(np.zeros(s) for s in ((m, 6), (k,), (m, 6), (m,), (k,), node, node, (n, 3), (n, 3), vector, vector, vector)),
-        *(np.zeros(s) for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (c,), (c, 3, 6), (c, 3, 6), (c, 3), (c, 3))),
-        np.zeros((c, 3)),
-        np.zeros(c, dtype=np.int64),
-        *(np.zeros(s) for s in ((3 * c, 3 * c), (f, f), (f, 3 * c))),
+        *(np.zeros(s) for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (c,))),
+        *(a for _ in range(2) for a in rows()),
+        np.zeros(vectors),
+        whole(c),
+        np.zeros((3, 3)),
+        near,
+        np.zeros((f, f)),
+        np.zeros((f, 3)),
     ]
     return Work(*shapes)

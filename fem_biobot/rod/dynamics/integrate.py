@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.rod.address.kernels import by_address, entry
-from fem_biobot.rod.arrays import Contacts
 from fem_biobot.rod.assembly import kernels as assembly_kernels
 from fem_biobot.rod.contact.kernels import solve_friction
 from fem_biobot.rod.contact.scratch import scratch
@@ -27,6 +26,7 @@ from fem_biobot.rod.explicit import kernels as explicit_kernels
 from fem_biobot.rod.explicit.stability import longest_step
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.rod.system import without_ground
 
 __all__ = ["Checkpoint", "Drive", "Integrator", "Motion", "MotionInterrupted", "Settings", "dynamics"]
 
@@ -167,13 +167,10 @@ class _Run:
         model = self.model
         self.assembly, self.system = model.assembly, model.system
         if self.ground is None:
-            no_points: list[Any] = [np.ascontiguousarray(a[:0]) for a in self.assembly.contacts]
-            self.assembly = self.assembly._replace(contacts=Contacts(*no_points))
-            self.system = self.system._replace(
-                touching=self.system.touching[:0].copy(), foot=self.system.foot[:0].copy()
-            )
-        c = len(self.assembly.contacts.node)
-        self.plane = plane_of(self.ground, c)
+            self.assembly, self.system = without_ground(self.assembly, self.system)
+        self.points = len(self.assembly.contacts.node)
+        c = self.points + len(self.assembly.touches.node)
+        self.plane = plane_of(self.ground, self.points, self.assembly.touches.friction)
         explicit = self.settings.integrator is Integrator.explicit
         if explicit:
             refuse_massless(model, self.assembly)
@@ -194,7 +191,8 @@ class _Run:
         self.n_first = self.n_steps
         none = model.pull(0.0)
         self.pull_from, self.pull_by = none, model.pull(1.0) - none
-        self.work = work_for(self.state, self.system.n_blocks, len(self.system.touching))
+        sizes = (self.system.n_blocks, len(self.system.touching), len(self.assembly.touches.node))
+        self.work = work_for(self.state, *sizes)
         self.scratch = scratch(c)
         self.tally = np.zeros((c, 5))
         lengths = self.assembly.elements.length
@@ -217,9 +215,11 @@ class _Run:
         A, S, W, P, state = self.assembly, self.system, self.work, self.plane, self.state
         row, rooms = np.zeros(0), (W, self.scratch, self.book, self.tally)
         pulls, factors = self._tables(np.array([self.time]))
+        near = W.near
         friction = by_address(
-            solve_friction, W.W, W.b, P.static, P.kinetic, state.touch, state.slide, W.p, W.w, self.scratch, 0.0, 0
-        )
+            solve_friction, W.operator, near.b, near.static, near.kinetic, near.touch, near.slide, near.p, near.w,
+            self.scratch, 0.0, 0,
+        )  # fmt: skip
         if explicit:
             calls: Any = _ExplicitCalls(by_address(explicit_kernels.joint_masses, A, S, W), friction)
             run = entry(explicit_kernels.explicit_run, A, S, state, P, 0.0, pulls, factors, calls, *rooms)
@@ -339,10 +339,11 @@ class _Run:
                 "x": s.x.copy(),
                 "Q": s.Q.copy(),
                 "v": s.v.copy(),
-                "contact_force": self.tally[:, :3] / self.since,
-                "touch": s.touch.copy(),
-                "slip_share": self.tally[:, 3] / self.since,
-                "contact_share": self.tally[:, 4] / self.since,
+                "contact_force": self.tally[: self.points, :3] / self.since,
+                "touch": s.touch[: self.points].copy(),
+                "slip_share": self.tally[: self.points, 3] / self.since,
+                "contact_share": self.tally[: self.points, 4] / self.since,
+                "touch_force": self.tally[self.points :, :3] / self.since,
                 "book": self.book.copy(),
                 "drive": float(self.drive(self.time)),
             }

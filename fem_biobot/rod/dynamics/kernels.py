@@ -42,22 +42,19 @@ from fem_biobot.rod.blocks.kernels import compliance, factor, solve  # noqa: E40
 from fem_biobot.rod.drag.kernels import add_drag, add_drag_tangents  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import (  # noqa: E402
     CONTACT_ACCEPTED,
-    CONTACT_ITERATIONS,
-    CONTACT_TOLERANCE,
-    add_ground_impulses,
-    condense,
+    add_contact_impulses,
     even_out,
+    solve_contacts,
 )
 from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
     angular_momentum,
     clear,
     clear_blocks,
     copy,
-    copy_row,
     spatial_matrix,
 )
-from fem_biobot.rod.parts.kernels import contact  # noqa: E402
 from fem_biobot.rod.rotation.kernels import turn  # noqa: E402
+from fem_biobot.rod.touching.kernels import meet  # noqa: E402
 
 CONVERGED, SLOW, SINGULAR, CONTACT, WOUND = 0, 1, 2, 3, 4
 LARGEST_TURN = 3.0  # rad within an element, beyond which the rotation vector is no longer unique
@@ -138,10 +135,9 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
     if joints.rows.shape[0] > 0:
         add_joint_forces(joints, inertia.held, work.xm, work.Qm, work.joint1, rhs)
         joint_gaps(joints, inertia.held, x1, Q1, v1, work.joint_gap, work.joint_rate)
-    C = assembly.contacts
-    for k in range(C.node.shape[0]):
-        contact(C, k, work.xm, work.Qm, plane.axes, plane.height, work.push[k])
-        work.gap[k] = contact(C, k, x1, Q1, plane.axes, plane.height, work.rows[k])
+    C, T, axes, height = assembly.contacts, assembly.touches, plane.axes, plane.height
+    meet(C, T, inertia.held, work.xm, work.Qm, axes, height, work.gap, work.push, work.push_ends)
+    meet(C, T, inertia.held, x1, Q1, axes, height, work.gap, work.rows, work.ends)
     return scale, _ROUNDING * (momentum + stiffest)
 
 
@@ -224,10 +220,9 @@ def try_step(
     and residual. `calls` are `factorise` and `solve_friction` by address.
     """
     held = assembly.inertia.held
-    contacts = assembly.contacts
     rhs, free, column, v1 = work.rhs, work.free, work.column, work.v1
     n = held.shape[0]
-    count = contacts.node.shape[0]
+    count = work.p.shape[0]
     angular_momentum(assembly.inertia.J, state.Q, state.v, work.spin0)
     for i in range(n):
         for c in range(6):
@@ -246,7 +241,7 @@ def try_step(
             even_out(system.foot, system.touching.shape[0], plane.axes, state.touch, work.rows, work.p)
         before = residual
         clear(column)
-        add_ground_impulses(contacts.node, work.push, work.p, column)
+        add_contact_impulses(work.push_ends, work.push, work.p, column)
         residual = _unbalance(held, arm, rhs, column)
         # a joint's gap as the impulse that would close it is of the size of the others; compare lengths
         allowed = max(tolerance * scale, rounding)
@@ -270,13 +265,21 @@ def try_step(
         if count > 0:
             copy(rhs, free)
             solve(system.plan, work.blocks, free)
-            copy_row(state.touch, work.touch)
-            condense(contacts, system.foot, plane, h, theta, work.rows, work.push, work)
-            trouble, _ = calls.friction(
-                work.W, work.b, plane.static, plane.kinetic, work.touch, state.slide, work.p, work.w, scratch,
-                CONTACT_TOLERANCE, CONTACT_ITERATIONS,
-            )  # fmt: skip
-            add_ground_impulses(contacts.node, work.push, work.p, rhs)
+            trouble = solve_contacts(
+                assembly.touches.distance,
+                system.number,
+                state.touch,
+                state.slide,
+                plane,
+                h,
+                theta,
+                work.push,
+                work.push_ends,
+                calls.friction,
+                work,
+                scratch,
+            )
+            add_contact_impulses(work.push_ends, work.push, work.p, rhs)
         solve(system.plan, work.blocks, rhs)
         for i in range(n):
             for c in range(6):

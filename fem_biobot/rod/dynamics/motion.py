@@ -69,6 +69,9 @@ class Motion:
         Of each point at the sample: `LIFTED`, `STICK` or `SLIP` of `rod.contact.kernels`, (s, c).
     slip_share, contact_share
         Share of the time since the sample before in which a point slipped, or bore a force, (s, c) [1].
+    touch_force
+        Mean force between the surfaces of each touching node and what it touches since the last sample: normal, along
+        the other part's axis, and across both, (s, t, 3) [mN]. The order is that of the model's touches.
     book
         Energies at the samples, (s, 11) [uJ]; columns are `BOOK`.
     drive
@@ -92,6 +95,7 @@ class Motion:
     touch: NDArray[np.int64]
     slip_share: Array
     contact_share: Array
+    touch_force: Array
     book: Array
     drive: Array
     steps: int

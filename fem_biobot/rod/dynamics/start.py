@@ -15,28 +15,31 @@ from fem_biobot.rod.dynamics.arrays import Plane, State
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.parts.kernels import contact
+from fem_biobot.rod.touching.kernels import touch
 
 Array = NDArray[np.float64]
 
 _INSIDE = 1e-6  # of the model's size, that rounding may put a start into the ground
 
 
-def plane_of(ground: Ground | None, c: int) -> Plane:
-    """Arrays of the ground under `c` contact points."""
+def plane_of(ground: Ground | None, c: int, between: Array) -> Plane:
+    """Arrays of the ground under `c` contact points, with the friction `between` touching parts, (t,)."""
     g = ground or Ground()
     # slip against `forward` meets the reverse coefficient; sideways the forward one
+    parts = np.repeat(between[:, None], 4, axis=1)
     return Plane(
         np.ascontiguousarray(g.axes),
         float(g.height),
         np.array(g.velocity, dtype=float),
-        np.tile(g.static_coefficients, (c, 1)),
-        np.tile(g.kinetic_coefficients, (c, 1)),
+        np.concatenate([np.tile(g.static_coefficients, (c, 1)), parts]),
+        np.concatenate([np.tile(g.kinetic_coefficients, (c, 1)), parts]),
     )
 
 
 def state_of(assembly: Assembly, start: RodState) -> State:
     """State of the integrators for a start; `assembly` has the contact points in force."""
-    n, c, j = len(assembly.inertia.mass), len(assembly.contacts.node), len(assembly.constraints.rows)
+    n, j = len(assembly.inertia.mass), len(assembly.constraints.rows)
+    c = len(assembly.contacts.node) + len(assembly.touches.node)
     for what, shape in (("x", (n, 3)), ("Q", (n, 3, 3)), ("v", (n, 6))):
         found = getattr(start, what)
         if np.shape(found) != shape or not np.isfinite(found).all():
@@ -58,9 +61,16 @@ def fits(state: State, like: State) -> bool:
 
 
 def refuse_inside(assembly: Assembly, plane: Plane, state: State) -> None:
-    """A start with a contact point in the ground."""
+    """A start with a contact point in the ground, or a touching node in another part."""
     size = 1.0 + float(np.abs(state.x).max())
-    rows: Any = np.zeros((3, 6))
+    rows: Any = np.zeros((3, 3, 6))
+    for k in range(len(assembly.touches.node)):
+        gap = touch(assembly.touches, k, state.x, state.Q, rows, np.zeros(3, dtype=np.int64))
+        if gap < -_INSIDE * size:
+            raise ModelError(
+                f"start: touching node {k} lies {-gap:.3g} mm inside what it touches, expected on or outside it "
+                "(draw the parts apart or give a smaller distance)"
+            )
     for k in range(len(assembly.contacts.node)):
         gap = contact(assembly.contacts, k, state.x, state.Q, plane.axes, plane.height, rows)
         if gap < -_INSIDE * size:

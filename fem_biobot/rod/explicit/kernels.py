@@ -35,17 +35,15 @@ from fem_biobot.rod.assembly.kernels import (  # noqa: E402
     tensions,
 )
 from fem_biobot.rod.blocks.kernels import compliance, factor, solve  # noqa: E402
-from fem_biobot.rod.contact.kernels import settle  # noqa: E402
 from fem_biobot.rod.drag.kernels import add_drag  # noqa: E402
 from fem_biobot.rod.dynamics.book.kernels import enter_damping  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import (  # noqa: E402
     CONTACT_ACCEPTED,
-    CONTACT_ITERATIONS,
-    CONTACT_TOLERANCE,
-    add_ground_impulses,
-    condense,
-    enter_ground,
+    add_contact_impulses,
+    enter_contacts,
     even_out,
+    settle_contacts,
+    solve_contacts,
 )
 from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
     angular_momentum,
@@ -61,8 +59,9 @@ from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
     spin_up,
 )
 from fem_biobot.rod.dynamics.kernels import CONTACT, CONVERGED, LARGEST_TURN, SINGULAR, WOUND  # noqa: E402
-from fem_biobot.rod.parts.kernels import add_loads, add_member_forces, contact  # noqa: E402
+from fem_biobot.rod.parts.kernels import add_loads, add_member_forces  # noqa: E402
 from fem_biobot.rod.rotation.kernels import turn  # noqa: E402
+from fem_biobot.rod.touching.kernels import meet  # noqa: E402
 
 
 @njit(**INNER)
@@ -147,9 +146,8 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
     """
     inertia = assembly.inertia
     mass, held = inertia.mass, inertia.held
-    contacts = assembly.contacts
     n = mass.shape[0]
-    count = contacts.node.shape[0]
+    count = work.p.shape[0]
     jointed = work.joint1.shape[0] > 0
     dragged = assembly.drag.node.shape[0] > 0
     spin, v1, vm, rhs, force, column, xm, Qm = (
@@ -192,28 +190,37 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
                 for r in range(6):
                     rhs[n + j, r] = -(work.joint_rate[j, r] + work.joint_gap[j, r] / h)
         if count > 0:
-            for k in range(count):
-                work.gap[k] = contact(contacts, k, xm, Qm, plane.axes, plane.height, work.rows[k])
+            meet(
+                assembly.contacts, assembly.touches, held, xm, Qm, plane.axes, plane.height, work.gap, work.rows,
+                work.ends,
+            )  # fmt: skip
             if jointed:
                 copy(rhs, work.free)
                 solve(system.plan, work.blocks, work.free)
             else:
                 _free_compliance(inertia, inverse, system.touching, work)
             even_out(system.foot, system.touching.shape[0], plane.axes, state.touch, work.rows, work.p)
-            copy_row(state.touch, work.touch)
-            condense(contacts, system.foot, plane, h, 0.0, work.rows, work.rows, work)
-            trouble, _ = calls.friction(
-                work.W, work.b, plane.static, plane.kinetic, work.touch, state.slide, work.p, work.w, scratch,
-                CONTACT_TOLERANCE, CONTACT_ITERATIONS,
-            )  # fmt: skip
+            trouble = solve_contacts(
+                assembly.touches.distance,
+                system.number,
+                state.touch,
+                state.slide,
+                plane,
+                h,
+                0.0,
+                work.rows,
+                work.ends,
+                calls.friction,
+                work,
+                scratch,
+            )
             if not trouble <= CONTACT_ACCEPTED:
                 outcome = CONTACT
                 break
             worst = max(worst, trouble)
-            add_ground_impulses(contacts.node, work.rows, work.p, rhs)
+            add_contact_impulses(work.ends, work.rows, work.p, rhs)
             copy(work.p, state.impulse)
-            copy_row(work.touch, state.touch)
-            settle(work.b, work.w, state.touch, state.slide, CONTACT_TOLERANCE)
+            settle_contacts(state, work)
         if jointed:
             solve(system.plan, work.blocks, rhs)
             for i in range(n):
@@ -239,7 +246,7 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
         for i in range(n):
             for a in range(6):
                 vm[i, a] = 0.5 * (vm[i, a] + v1[i, a])
-        enter_ground(contacts.node, work.rows, work.p, state.touch, vm, h, book, tally)
+        enter_contacts(work.ends, work.rows, work.p, state.touch, vm, h, book, tally)
         clear(column)
         add_member_forces(assembly.members, xm, Qm, pull, column)
         book[3] += h * power_of(column, vm)

@@ -287,7 +287,9 @@ def constraint(constraints, j, x, Q, value, rows):
 
 @njit(cache=True, nogil=True)
 def contact(contacts, k, x, Q, axes, height, rows):
-    """Gap of a contact point to the ground, and the derivatives of its motion along the ground's axes, `rows` (3, 6).
+    """Gap of a contact point to the ground, and derivatives of its motion along the ground's axes, `rows` (3, e, 6).
+
+    Only the first of the `e` nodes that rows may have is its own.
 
     A round surface touches below its axis: the arm of its lowest point is what turns its rotation into slip.
     """
@@ -315,9 +317,9 @@ def contact(contacts, k, x, Q, axes, height, rows):
         gap += axes[0, c] * p[c]
     for a in range(3):
         for c in range(3):
-            rows[a, c] = axes[a, c]
+            rows[a, 0, c] = axes[a, c]
         # axes . (dtheta x r) = dtheta . (r x axes)
-        rows[a, 3] = r[1] * axes[a, 2] - r[2] * axes[a, 1]
-        rows[a, 4] = r[2] * axes[a, 0] - r[0] * axes[a, 2]
-        rows[a, 5] = r[0] * axes[a, 1] - r[1] * axes[a, 0]
+        rows[a, 0, 3] = r[1] * axes[a, 2] - r[2] * axes[a, 1]
+        rows[a, 0, 4] = r[2] * axes[a, 0] - r[0] * axes[a, 2]
+        rows[a, 0, 5] = r[0] * axes[a, 1] - r[1] * axes[a, 0]
     return gap

@@ -9,9 +9,8 @@ ensure_cache_folder()
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
 from fem_biobot.rod.assembly.kernels import add_joint_forces, energies  # noqa: E402
-from fem_biobot.rod.contact.kernels import settle  # noqa: E402
 from fem_biobot.rod.drag.kernels import add_drag  # noqa: E402
-from fem_biobot.rod.dynamics.ground.kernels import CONTACT_TOLERANCE, enter_ground  # noqa: E402
+from fem_biobot.rod.dynamics.ground.kernels import enter_contacts, settle_contacts  # noqa: E402
 from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
     clear,
     copy,
@@ -49,7 +48,6 @@ def enter_damping(assembly, h, before, after, lengths_before, lengths_after, boo
 def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tally):
     """Take over the end of a converged step; enter energies into `book` (see `dynamics.arrays.BOOK`) and `tally`."""
     inertia = assembly.inertia
-    C = assembly.contacts
     n = inertia.mass.shape[0]
     v0, v1, vm, column = state.v, work.v1, work.vm, work.column
     # what theta above one half takes: from changes of velocity, and of strain
@@ -78,7 +76,7 @@ def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tal
         clear(column)
         add_drag(assembly.drag, work.Qm, vm, column)
         book[10] += h * power_of(column, vm)
-    enter_ground(C.node, work.push, work.p, work.touch, vm, h, book, tally)
+    enter_contacts(work.push_ends, work.push, work.p, work.touch, vm, h, book, tally)
     if work.joint1.shape[0] > 0:
         clear(column)
         add_joint_forces(assembly.constraints, inertia.held, work.xm, work.Qm, work.joint1, column)
@@ -92,9 +90,7 @@ def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tal
     copy_frames(work.Q1, state.Q)
     copy(v1, state.v)
     copy(work.p, state.impulse)
-    copy_row(work.touch, state.touch)
-    if C.node.shape[0] > 0:
-        settle(work.b, work.w, state.touch, state.slide, CONTACT_TOLERANCE)
+    settle_contacts(state, work)
     copy(work.joint1, state.joint)
     copy(work.strain, state.strain)
     copy_row(work.lengths, state.lengths)

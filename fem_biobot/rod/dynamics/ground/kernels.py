@@ -1,7 +1,8 @@
-"""Compiled contact problem of a time step: velocities of the contact points by their impulses, and what those do.
+"""Compiled contact problem of a time step: velocities of the contacts by their impulses, and what those do.
 
-Both integrators use it. Letters are those of `rod.contact.kernels`; ``rows`` (c, 3, 6) turn the velocity of a point's
-node into that of the point along the normal and two tangents.
+Both integrators use it. Letters are those of `rod.contact.kernels`; ``rows`` (c, 3, e, 6) turn the velocities of a
+contact's nodes, ``ends`` (c, e), into that of the contact along the normal and two tangents. A contact point on the
+ground has one node; a node that touches another part has three, itself and the two of the nearest segment.
 """
 
 from __future__ import annotations
@@ -12,52 +13,135 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.rod.contact.kernels import SLIP, STICK  # noqa: E402
+from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK, settle  # noqa: E402
+from fem_biobot.rod.dynamics.inertia.kernels import clear  # noqa: E402
 
 CONTACT_TOLERANCE = 1e-12
 CONTACT_ACCEPTED = 1e-9  # residual of the contact problem with which a step may be accepted
 CONTACT_ITERATIONS = 100
+_NEAR = 0.05  # gap over the distance between axes, within which a touch is looked at
 
 
 @njit(**INNER)
-def condense(contacts, foot, plane, h, theta, rows, push, work):
-    """Write `work.W` and `work.b`, velocities at the contact points by impulse and those of ``v1 + free`` without.
+def _gather(distance, touch, slide, plane, h, theta, gap, p, rows, ends, v1, free, near):
+    """Copy the contacts that matter to the front of `near`: all of the ground's, others that are near or press.
 
-    `rows` (c, 3, 6) turn velocities at the end, `push` are those along which impulses act during the step; `foot` (c,)
-    numbers the nodes that touch, whose compliance (6 f, 6 f) is `work.compliance`. The velocity that closes a gap
-    within `h` is part of the normal `b`.
+    Far nodes keep away by themselves; one that comes nearer within an iteration is taken in the next.
     """
-    compliance = work.compliance
-    response = work.response
-    W = work.W
-    count = contacts.node.shape[0]
-    for i in range(count):
-        node = contacts.node[i]
-        f = 6 * foot[i]
+    grounded = p.shape[0] - distance.shape[0]
+    count = 0
+    for i in range(p.shape[0]):
+        if i >= grounded and gap[i] > _NEAR * distance[i - grounded] and p[i, 0] == 0.0:
+            continue
+        near.order[count] = i
+        near.touch[count] = touch[i]
         for a in range(3):
             present = 0.0
-            free = 0.0
-            for k in range(6):
-                present += rows[i, a, k] * work.v1[node, k]
-                free += rows[i, a, k] * work.free[node, k]
-            for k in range(3):
-                present -= plane.axes[a, k] * plane.velocity[k]
+            change = 0.0
+            for e in range(ends.shape[1]):
+                node = ends[i, e]
+                if node >= 0:
+                    for k in range(6):
+                        present += rows[i, a, e, k] * v1[node, k]
+                        change += rows[i, a, e, k] * free[node, k]
+            if i < grounded:
+                for k in range(3):
+                    present -= plane.axes[a, k] * plane.velocity[k]
             # a velocity moves the gap by theta h as well; dividing by this keeps the operator symmetric
-            work.b[i, a] = free + ((present + work.gap[i] / h) / (1.0 + theta) if a == 0 else present)
-        for r in range(compliance.shape[0]):
-            for a in range(3):
-                total = 0.0
-                for k in range(6):
-                    total += compliance[r, f + k] * push[i, a, k]
-                response[r, 3 * i + a] = total
-    for i in range(count):
-        f = 6 * foot[i]
-        for a in range(3):
-            for j in range(3 * count):
-                total = 0.0
-                for k in range(6):
-                    total += rows[i, a, k] * response[f + k, j]
-                W[3 * i + a, j] = total
+            near.b[count, a] = change + ((present + gap[i] / h) / (1.0 + theta) if a == 0 else present)
+            near.p[count, a] = p[i, a]
+        for k in range(4):
+            near.static[count, k] = plane.static[i, k]
+            near.kinetic[count, k] = plane.kinetic[i, k]
+        for k in range(2):
+            near.slide[count, k] = slide[i, k]
+        count += 1
+    near.number[0] = count
+
+
+@njit(**INNER)
+def _condense(number, rows, ends, push, push_ends, compliance, response, near):
+    """Write velocities at the near contacts by impulses there, (3 a, 3 a), to the front of `near.W`.
+
+    `rows` turn velocities of nodes at the end into those of the contacts, `push` impulses there into those of nodes
+    during the step. `number` (n,) are the nodes' places in `compliance`.
+    """
+    W, order, active = near.W, near.order, near.number[0]
+    size = 3 * active
+    for j in range(active):
+        c = order[j]
+        clear(response)
+        for e in range(push_ends.shape[1]):
+            if push_ends[c, e] < 0:
+                continue
+            f = 6 * number[push_ends[c, e]]
+            for r in range(compliance.shape[0]):
+                for a in range(3):
+                    total = 0.0
+                    for k in range(6):
+                        total += compliance[r, f + k] * push[c, a, e, k]
+                    response[r, a] += total
+        for i in range(active):
+            row = order[i]
+            for e in range(ends.shape[1]):
+                if ends[row, e] < 0 and e > 0:
+                    continue
+                there = ends[row, e] >= 0
+                f = 6 * number[ends[row, e]] if there else 0
+                for a in range(3):
+                    at = (3 * i + a) * size + 3 * j
+                    for b in range(3):
+                        total = 0.0
+                        if there:
+                            for k in range(6):
+                                total += rows[row, a, e, k] * response[f + k, b]
+                        W[at + b] = total if e == 0 else W[at + b] + total
+
+
+@njit(**INNER)
+def solve_contacts(
+    distance, number, touch, slide, plane, h, theta, push, push_ends, friction, work, scratch
+):  # fmt: skip
+    """Write impulses of all contacts to `work.p`, and what became of them to `work.touch`; returns the residual.
+
+    `distance` (t,) are those of the touches, `number` (n,) the nodes' places in `work.compliance`, `touch` (c,) and
+    `slide` (c, 2) those of the state. `push` (c, 3, e, 6) and `push_ends` are the directions along which impulses act,
+    `work.rows` those of velocities at the end; `work.free` is the change of the velocities `work.v1` without contact.
+    `friction` is `solve_friction` by address.
+    """
+    near, p = work.near, work.p
+    _gather(distance, touch, slide, plane, h, theta, work.gap, p, work.rows, work.ends, work.v1, work.free, near)
+    a = near.number[0]
+    _condense(number, work.rows, work.ends, push, push_ends, work.compliance, work.response, near)
+    W = near.W[: 9 * a * a].reshape((3 * a, 3 * a))
+    trouble, _ = friction(
+        W, near.b[:a], near.static[:a], near.kinetic[:a], near.touch[:a], near.slide[:a], near.p[:a], near.w[:a],
+        scratch, CONTACT_TOLERANCE, CONTACT_ITERATIONS,
+    )  # fmt: skip
+    clear(p)
+    for i in range(work.touch.shape[0]):
+        work.touch[i] = LIFTED
+    for i in range(a):
+        work.touch[near.order[i]] = near.touch[i]
+        for k in range(3):
+            p[near.order[i], k] = near.p[i, k]
+    return trouble
+
+
+@njit(**INNER)
+def settle_contacts(state, work):
+    """Write stick, slip or lift of all contacts at the end of an accepted step, and how they slide, to `state`."""
+    near = work.near
+    a = near.number[0]
+    settle(near.b[:a], near.w[:a], near.touch[:a], near.slide[:a], CONTACT_TOLERANCE)
+    for i in range(state.touch.shape[0]):
+        state.touch[i] = LIFTED
+        for k in range(2):
+            state.slide[i, k] = 0.0
+    for i in range(a):
+        state.touch[near.order[i]] = near.touch[i]
+        for k in range(2):
+            state.slide[near.order[i], k] = near.slide[i, k]
 
 
 @njit(cache=True, nogil=True)
@@ -72,14 +156,14 @@ def even_out(foot, n_feet, axes, touch, rows, p):
         sticks = True
         cx = 0.0
         cy = 0.0
-        for i in range(p.shape[0]):
+        for i in range(foot.shape[0]):
             if foot[i] == f and p[i, 0] > 0.0:
                 sticks = sticks and touch[i] == STICK
                 weight += p[i, 0]
                 for k in range(3):
                     # (r x t2) . n = r . t1 and (r x t1) . n = -r . t2
-                    cx += p[i, 0] * rows[i, 2, 3 + k] * axes[0, k]
-                    cy -= p[i, 0] * rows[i, 1, 3 + k] * axes[0, k]
+                    cx += p[i, 0] * rows[i, 2, 0, 3 + k] * axes[0, k]
+                    cy -= p[i, 0] * rows[i, 1, 0, 3 + k] * axes[0, k]
         if not sticks or weight == 0.0:
             continue
         cx /= weight
@@ -88,46 +172,50 @@ def even_out(foot, n_feet, axes, touch, rows, p):
         fy = 0.0
         moment = 0.0
         polar = 0.0
-        for i in range(p.shape[0]):
+        for i in range(foot.shape[0]):
             if foot[i] == f and p[i, 0] > 0.0:
                 x, y = -cx, -cy
                 for k in range(3):
-                    x += rows[i, 2, 3 + k] * axes[0, k]
-                    y -= rows[i, 1, 3 + k] * axes[0, k]
+                    x += rows[i, 2, 0, 3 + k] * axes[0, k]
+                    y -= rows[i, 1, 0, 3 + k] * axes[0, k]
                 fx += p[i, 1]
                 fy += p[i, 2]
                 moment += x * p[i, 2] - y * p[i, 1]
                 polar += p[i, 0] * (x * x + y * y)
         turn = moment / polar if polar > 0.0 else 0.0
-        for i in range(p.shape[0]):
+        for i in range(foot.shape[0]):
             if foot[i] == f and p[i, 0] > 0.0:
                 x, y = -cx, -cy
                 for k in range(3):
-                    x += rows[i, 2, 3 + k] * axes[0, k]
-                    y -= rows[i, 1, 3 + k] * axes[0, k]
+                    x += rows[i, 2, 0, 3 + k] * axes[0, k]
+                    y -= rows[i, 1, 0, 3 + k] * axes[0, k]
                 p[i, 1] = p[i, 0] * (fx / weight - turn * y)
                 p[i, 2] = p[i, 0] * (fy / weight + turn * x)
 
 
 @njit(**INNER)
-def add_ground_impulses(node, rows, p, to):
-    """Add the impulses `p` (c, 3) of the contact points to the nodes' impulses `to` (n, 6)."""
-    for i in range(node.shape[0]):
+def add_contact_impulses(ends, rows, p, to):
+    """Add the impulses `p` (c, 3) of the contacts to those of their nodes, `to` (n, 6)."""
+    for i in range(p.shape[0]):
         for a in range(3):
             if p[i, a] != 0.0:
-                for k in range(6):
-                    to[node[i], k] += rows[i, a, k] * p[i, a]
+                for e in range(ends.shape[1]):
+                    if ends[i, e] >= 0:
+                        for k in range(6):
+                            to[ends[i, e], k] += rows[i, a, e, k] * p[i, a]
 
 
 @njit(**INNER)
-def enter_ground(node, rows, p, touch, vm, h, book, tally):
+def enter_contacts(ends, rows, p, touch, vm, h, book, tally):
     """Enter a step's work of friction and normal force into `book`; impulses and times into `tally` (c, 5)."""
-    for i in range(node.shape[0]):
+    for i in range(p.shape[0]):
         for a in range(3):
             tally[i, a] += p[i, a]
             motion = 0.0
-            for k in range(6):
-                motion += rows[i, a, k] * vm[node[i], k]
+            for e in range(ends.shape[1]):
+                if ends[i, e] >= 0:
+                    for k in range(6):
+                        motion += rows[i, a, e, k] * vm[ends[i, e], k]
             book[7 if a == 0 else 6] += p[i, a] * motion
         if touch[i] == SLIP:
             tally[i, 3] += h

@@ -1,0 +1,1 @@
+"""Contact between parts of an assembly."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from fem_biobot.rod.ensemble import walk_ensemble
     from fem_biobot.rod.gait import Walk
     from fem_biobot.rod.ground import ContactPoints, Ground
+    from fem_biobot.rod.guide import Guide
     from fem_biobot.rod.model import RodModel, RodState
     from fem_biobot.rod.modes import Modes, modes
     from fem_biobot.rod.records import (
@@ -67,6 +68,7 @@ _HOMES = {
     "rod.model": ("RodModel", "RodState"),
     "rod.modes": ("Modes", "modes"),
     "rod.ground": ("ContactPoints", "Ground"),
+    "rod.guide": ("Guide",),
     "rod.records": (
         "Body",
         "DistributedLoad",
@@ -111,6 +113,7 @@ __all__ = [
     "Fix",
     "Gravity",
     "Ground",
+    "Guide",
     "Hinge",
     "Hold",
     "MeshError",

@@ -1,7 +1,7 @@
 """Where a walking machine's feet, beam and muscles are, and their paths over a motion.
 
-Made from a model: feet are its groups of contact points, the beam its rods in their order. Reads samples of a motion
-all at once.
+Made from a model: feet are its groups of contact points, the beam its rods in their order and the muscles all of its
+own, unless it has `Landmarks`. Reads samples of a motion all at once.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Anatomy:
         Middle of each foot's contact points.
     start, end, crown
         Ends of the beam's flexible span, and its middle; None without rods.
-    muscles
-        Numbers of the muscles among the members.
+    chains
+        Numbers among the members of those that make up each muscle, end to end.
     """
 
     feet: tuple[str, ...]
@@ -47,15 +47,20 @@ class Anatomy:
     start: Spot | None
     end: Spot | None
     crown: Spot | None
-    muscles: Ints
+    chains: tuple[Ints, ...]
+
+    @property
+    def muscles(self) -> Ints:
+        """Number of the member in the middle of each muscle, whose tension is the muscle's, (m,)."""
+        return np.array([chain[len(chain) // 2] for chain in self.chains], dtype=np.int64)
 
 
 def anatomy(model: RodModel) -> Anatomy:
     """Anatomy of a model; refuses one without feet or without muscles."""
     if not len(model.contacts):
         raise ModelError("model: found no contact points, expected feet for a walk (contacts=[ContactPoints(...)])")
-    muscles = np.array([k for k, m in enumerate(model.members) if isinstance(m, Muscle)], dtype=np.int64)
-    if not len(muscles):
+    chains = tuple(np.array([k]) for k, m in enumerate(model.members) if isinstance(m, Muscle))
+    if not chains:
         raise ModelError("model: found no muscle, expected one for a walk (members=[Muscle(...)])")
     contacts = model.assembly.contacts
     names, corners, soles, first = [], [], [], 0
@@ -66,7 +71,11 @@ def anatomy(model: RodModel) -> Anatomy:
         corners.append(numbers)
         soles.append((int(contacts.node[numbers[0]]), contacts.offset[numbers].mean(axis=0)))
     start = end = crown = None
-    if model.rods:
+    if model.landmarks is not None:
+        marks = model.landmarks
+        start, end, crown = (model.atlas.locate(place) for place in (marks.start, marks.end, marks.crown))
+        chains = tuple(np.array([model.muscles[name] for name in chain]) for chain in marks.muscles)
+    elif model.rods:
         atlas = model.atlas
         start, end = atlas.locate((model.rods[0].name, 0)), atlas.locate((model.rods[-1].name, -1))
         middle, odd = divmod(len(model.rods), 2)
@@ -78,7 +87,7 @@ def anatomy(model: RodModel) -> Anatomy:
             node, before = atlas.locate((model.rods[middle - 1].name, -1))
             after = model.rods[middle].points[0] - model.rods[middle - 1].points[-1]
             crown = (node, before + after / 2)
-    return Anatomy(tuple(names), tuple(corners), tuple(soles), start, end, crown, muscles)
+    return Anatomy(tuple(names), tuple(corners), tuple(soles), start, end, crown, chains)
 
 
 def path(motion: Motion, spot: Spot) -> Array:
@@ -116,20 +125,24 @@ def sagitta(motion: Motion, found: Anatomy) -> Array:
 
 def muscle_lengths(motion: Motion, found: Anatomy) -> Array:
     """Length of each muscle at the samples, (s, m) [mm]."""
+    return np.array([sum(_member_length(motion, k) for k in chain) for chain in found.chains]).T
+
+
+def _member_length(motion: Motion, k: int) -> Array:
+    """Length of a member at the samples, (s,) [mm]."""
     members = motion.model.assembly.members
-    ends = []
-    for end in (0, 1):
-        ends.append([path(motion, (int(members.nodes[k, end]), members.offset[k, end])) for k in found.muscles])
-    return np.linalg.norm(np.array(ends[1]) - np.array(ends[0]), axis=2).T
+    begin, end = (path(motion, (int(members.nodes[k, i]), members.offset[k, i])) for i in (0, 1))
+    return np.linalg.norm(end - begin, axis=1)
 
 
 def muscle_forces(motion: Motion, found: Anatomy) -> Array:
     """Tensile force of each muscle without its viscous part, (s, m) [mN]."""
-    members, lengths = motion.model.assembly.members, muscle_lengths(motion, found)
+    members = motion.model.assembly.members
     force = np.array([motion.model.pull(drive)[found.muscles] for drive in motion.drive])
     for column, k in enumerate(found.muscles):
+        lengths = _member_length(motion, k)
         for i in range(len(force)):
-            more, _, _ = passive_tension(members.law[k], members.stiffness[k], members.length[k], lengths[i, column])
+            more, _, _ = passive_tension(members.law[k], members.stiffness[k], members.length[k], lengths[i])
             force[i, column] += more
     return force
 

@@ -17,6 +17,7 @@ from fem_biobot.rod.element import kernels as element
 from fem_biobot.rod.element.arrays import Elements
 from fem_biobot.rod.frames import node_frames
 from fem_biobot.rod.ground import ContactPoints
+from fem_biobot.rod.guide import Guide
 from fem_biobot.rod.records import (
     Body,
     DistributedLoad,
@@ -37,7 +38,7 @@ from fem_biobot.rod.touch import Touch
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Joint = Rigid | Spherical | Hinge
+Joint = Rigid | Spherical | Hinge | Guide
 Load = PointLoad | DistributedLoad | Gravity | Drag
 
 # parts drawn further apart than this share of the model's size do not meet in a joint
@@ -76,11 +77,16 @@ def build(
         if isinstance(joint, Rigid):
             continue
         (a, ra), (b, rb) = atlas.locate(joint.a), atlas.locate(joint.b)
+        if a == b:
+            raise ModelError(f"joint of {joint.a} and {joint.b}: they are one rigid part already")
+        if isinstance(joint, Guide):
+            along = np.array([c in joint.along for c in "xyz"])
+            rb = np.where(along, atlas.centre[a] + ra - atlas.centre[b], rb)
+            constraints.append((a, b, ra, rb, [*map(int, along), 0, 0, 0], np.eye(3)))
+            continue
         apart = np.linalg.norm(atlas.centre[a] + ra - atlas.centre[b] - rb)
         if apart > _MEETS * _extent(atlas):
             raise ModelError(f"joint of {joint.a} and {joint.b}: drawn {apart:.3g} mm apart, expected at one point")
-        if a == b:
-            raise ModelError(f"joint of {joint.a} and {joint.b}: they are one rigid part already")
         rows, frame = [1, 1, 1, 0, 0, 0], np.eye(3)
         if isinstance(joint, Hinge):
             rows, frame = [1, 1, 1, 1, 1, 0], _frame_about(np.array(joint.axis, dtype=float))
@@ -142,7 +148,7 @@ def _nodes(
     for rod in rods:
         spans = np.linalg.norm(np.diff(rod.points, axis=0), axis=1)
         for e, (span, section) in enumerate(zip(spans, rod.sections, strict=True)):
-            density = rod.material.density * rod.mass
+            density = rod.material.density * rod.masses[e]
             for end in (e, e + 1):
                 R = frames[rod.name][end].T
                 about = density * span / 2 * np.diag([section.I1, section.I2, section.I1 + section.I2])

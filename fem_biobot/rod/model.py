@@ -17,6 +17,7 @@ from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.assembly import kernels
 from fem_biobot.rod.build import Atlas, Built, Joint, Load, Member, build
 from fem_biobot.rod.ground import ContactPoints
+from fem_biobot.rod.landmarks import Landmarks
 from fem_biobot.rod.records import Body, Hold, Muscle, Place, Rod
 from fem_biobot.rod.system import System, system
 from fem_biobot.rod.touch import Touch
@@ -32,8 +33,8 @@ class RodModel:
     rods
         `Rod` records.
     joints
-        `Rigid`, `Spherical` or `Hinge`. Rigidly joined parts share their unknowns at whatever distance; the others are
-        constraints with multipliers. No joint is a spring.
+        `Rigid`, `Spherical`, `Hinge` or `Guide`. Rigidly joined parts share their unknowns at whatever distance; the
+        others are constraints with multipliers. No joint is a spring.
     bodies
         `Body` records.
     supports
@@ -48,6 +49,8 @@ class RodModel:
         `Touch` records: rods that stay outside other parts.
     damping_time
         Kelvin-Voigt time of rods that name none [s]: resultants gain this times their rate.
+    landmarks
+        `Landmarks`: where walks are measured; by default the rods in their order are the beam.
 
     Raises
     ------
@@ -72,6 +75,7 @@ class RodModel:
         contacts: Sequence[ContactPoints] = (),
         damping_time: float = 0.0,
         touches: Sequence[Touch] = (),
+        landmarks: Landmarks | None = None,
     ) -> None:
         if not (np.isfinite(damping_time) and damping_time >= 0.0):
             raise ModelError(f"damping_time: found {damping_time!r}, expected a finite time of at least 0 s")
@@ -80,6 +84,14 @@ class RodModel:
         self.contacts, self.touches, self.damping_time = tuple(contacts), tuple(touches), float(damping_time)
         parts = (self.rods, self.joints, self.bodies, self.supports, self.loads, self.members)
         self.built: Built = build(*parts, self.contacts, self.touches, damping_time)
+        self.landmarks = landmarks
+        if landmarks is not None:
+            for place in (landmarks.start, landmarks.end, landmarks.crown):
+                self.atlas.locate(place)
+            for name in (name for chain in landmarks.muscles for name in chain):
+                if name not in self.muscles:
+                    known = ", ".join(self.muscles) or "none"
+                    raise ModelError(f"landmarks: no muscle of the name {name!r}, expected one of: {known}")
 
     @property
     def assembly(self) -> Assembly:

@@ -68,7 +68,7 @@ class Rod:
         Curvature and twist without load in the material frame, (3,) or (n - 1, 3) [1/mm]. By default the rod is free
         of stress as drawn.
     mass
-        Factor on the rod's mass [1]; 0 for a rod without any.
+        Factor on the rod's mass [1], one or one for each element; 0 for a rod without any.
     damping_time
         Kelvin-Voigt time of this rod [s]: resultants gain ``damping_time`` times their rate. By default that of the
         analysis.
@@ -80,7 +80,7 @@ class Rod:
     name: str = "rod"
     normal: Vector | None = None
     natural_curvature: Any = None
-    mass: float = 1.0
+    mass: float | Sequence[float] = 1.0
     damping_time: float | None = None
 
     def __post_init__(self) -> None:
@@ -97,11 +97,19 @@ class Rod:
             raise ModelError(f"rod {self.name}: found {len(sections)} sections, expected 1 or {len(lengths)}")
         if self.normal is not None:
             vector(f"rod {self.name}: normal", self.normal)
-        _number(f"rod {self.name}: mass", self.mass, 0.0)
+        masses = tuple(self.mass) if isinstance(self.mass, Sequence) else (self.mass,) * len(lengths)
+        if len(masses) != len(lengths):
+            raise ModelError(f"rod {self.name}: found {len(masses)} factors of mass, expected 1 or {len(lengths)}")
+        masses = tuple(_number(f"rod {self.name}: mass", factor, 0.0) for factor in masses)
         if self.damping_time is not None:
             _number(f"rod {self.name}: damping_time", self.damping_time, 0.0)
         points.flags.writeable = False
-        _set(self, points=points, section=sections)
+        _set(self, points=points, section=sections, mass=masses)
+
+    @property
+    def masses(self) -> tuple[float, ...]:
+        """Factor on the mass of each element."""
+        return tuple(self.mass) if isinstance(self.mass, Sequence) else (self.mass,) * (len(self.points) - 1)
 
     @property
     def sections(self) -> tuple[Section, ...]:

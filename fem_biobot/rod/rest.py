@@ -176,4 +176,4 @@ def _damped(model: RodModel) -> RodModel:
         replace(rod, damping_time=max(_SETTLE_DAMPING, rod.damping_time or model.damping_time)) for rod in model.rods
     ]
     parts = (model.joints, model.bodies, model.supports, model.loads, model.members, model.contacts)
-    return RodModel(rods, *parts, touches=model.touches)
+    return RodModel(rods, *parts, touches=model.touches, landmarks=model.landmarks)

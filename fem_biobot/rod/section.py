@@ -55,6 +55,8 @@ class Section:
         Outer radius of a round section, which touches along its surface [mm]; None for others.
     corners
         Corners in the plane of directors 1 and 2, counter-clockwise [mm]; empty for round sections.
+    stretch_factor
+        Factor of the stretch stiffness ``E area`` [1]: 0 where a member along the rod carries its stretch.
 
     Notes
     -----
@@ -73,9 +75,11 @@ class Section:
     J: float
     radius: float | None = None
     corners: tuple[Point, ...] = ()
+    stretch_factor: float = 1.0
 
     def __post_init__(self) -> None:
         _number("section area", self.area, "mm^2")
+        _number("section stretch_factor", self.stretch_factor, "", zero=True)
         for factor in self.shear_factors:
             _number("section shear_factor", factor, "")
         for name in ("I1", "I2", "J"):
@@ -213,4 +217,5 @@ def stiffness(section: Section, material: RodMaterial) -> Array:
     E, G = material.young, material.G
     k1, k2 = section.shear_factors
     shear = [G * k1 * section.area, G * k2 * section.area]
-    return np.array([*shear, E * section.area, E * section.I1, E * section.I2, G * section.J])
+    stretch = E * section.stretch_factor * section.area
+    return np.array([*shear, stretch, E * section.I1, E * section.I2, G * section.J])

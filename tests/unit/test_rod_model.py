@@ -98,6 +98,19 @@ def test_rigidly_joined_parts_are_one_node_at_their_centre_of_mass() -> None:
     np.testing.assert_allclose(model.mass, 2.0 + 0.5 * 4.0, rtol=1e-15)
 
 
+def test_each_element_has_its_own_factor_of_mass() -> None:
+    """Nodes carry half of their two elements' mass; the factors change nothing else.
+
+    Catches: one factor for all, a factor on the stiffness.
+    """
+    section, material = Section.circle(0.3), RodMaterial(young=1.0, density=0.5, poisson=0.3)
+    plain = RodModel([Rod(straight(3, 3.0), section, material)]).assembly
+    uneven = RodModel([Rod(straight(3, 3.0), section, material, mass=[2.0, 0.0, 0.5])]).assembly
+    half = 0.5 * 0.5 * section.area
+    np.testing.assert_allclose(uneven.inertia.mass, half * np.array([2.0, 2.0, 0.5, 0.5]), rtol=1e-14)
+    np.testing.assert_array_equal(uneven.elements.stiffness, plain.elements.stiffness)
+
+
 def test_a_drawn_model_is_free_of_stress() -> None:
     """However it is curved, joined and turned in space.
 

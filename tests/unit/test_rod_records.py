@@ -33,6 +33,8 @@ def _muscle(**changed: Any) -> Muscle:
         (lambda: Rod(straight(3), [SECTION] * 2, MATERIAL), "found 2 sections, expected 1 or 3"),
         (lambda: Rod(straight(3), SECTION, MATERIAL, normal=(1.0, 2.0)), "normal"),  # type: ignore[arg-type]
         (lambda: Rod(straight(3), SECTION, MATERIAL, mass=-1.0), "mass"),
+        (lambda: Rod(straight(3), SECTION, MATERIAL, mass=[1.0, 2.0]), "found 2 factors of mass, expected 1 or 3"),
+        (lambda: Rod(straight(2), SECTION, MATERIAL, mass=[1.0, -2.0]), "mass: found -2.0"),
         (lambda: Rod(straight(3), SECTION, MATERIAL, damping_time=NAN), "damping_time"),
         (lambda: Body((0, 0, 0), 0.0, (1, 1, 1)), "mass: found 0.0, expected a finite number above 0"),
         (lambda: Body((0, 0, 0), True, (1, 1, 1)), "mass: found True"),

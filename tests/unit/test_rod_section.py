@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,12 +114,14 @@ def test_shear_factors_are_cowpers_unless_given(section: Section, factor: float)
 def test_stiffnesses_stand_in_the_order_of_the_strains() -> None:
     """Shear along 1 and 2, stretch; bending about 1 and 2, twist; with a shear modulus of any size.
 
-    Catches: G and E exchanged, a shear factor on EA, the polar moment in place of J.
+    Catches: G and E exchanged, a shear factor on EA, the polar moment in place of J, a stretch factor on bending.
     """
     section = Section.given(2.0, 0.3, 0.5, 0.7, shear_factors=(0.8, 0.9))
     found = stiffness(section, RodMaterial(young=100.0, density=1e-6, shear_modulus=60.0))
     np.testing.assert_allclose(found, [96.0, 108.0, 200.0, 30.0, 50.0, 42.0], rtol=2 * EPS)
     assert RodMaterial(young=100.0, density=0.0, poisson=0.25).G == 40.0
+    half = stiffness(replace(section, stretch_factor=0.5), RodMaterial(young=100.0, density=1e-6, shear_modulus=60.0))
+    np.testing.assert_allclose(half, [96.0, 108.0, 100.0, 30.0, 50.0, 42.0], rtol=2 * EPS)
 
 
 def test_a_given_section_is_drawn_by_what_is_known() -> None:
@@ -155,6 +158,7 @@ def test_a_given_section_is_drawn_by_what_is_known() -> None:
         (lambda: Section.given(1.0, 1.0, -1.0, 1.0, shear_factors=1.0), "section I2"),
         (lambda: Section.given(1.0, 1.0, 1.0, NAN, shear_factors=1.0), "section J"),
         (lambda: Section.given(1.0, 1.0, 1.0, 1.0, shear_factors=1.0, radius=0.0), "section radius"),
+        (lambda: replace(Section.circle(1.0), stretch_factor=-1.0), "section stretch_factor: found -1.0"),
         (lambda: Section.given(1.0, 1.0, 1.0, 1.0, shear_factors=1.0, corners=[(0, 0), (1, NAN), (0, 1)]), "corners"),
         (lambda: Section.given(1.0, 1.0, 1.0, 1.0, shear_factors=1.0, corners=[(0, 0), (1, 1)]), "at least three"),
         (lambda: RodMaterial(young=0.0, density=1e-6, poisson=0.3), "young: found 0.0"),

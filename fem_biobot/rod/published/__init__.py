@@ -1,0 +1,1 @@
+"""The walker of the published open rod code, rebuilt from its numbers."""

@@ -1,6 +1,11 @@
 """Constitutive laws: passive hyperelasticity and the active tension of muscle."""
 
-from fem_biobot.material.active import ActiveStress, Convention, NominalTension
+from fem_biobot.material.active import ActiveStress
+from fem_biobot.material.active_strain import ActiveStrain
+from fem_biobot.material.conventions import Convention, converted_tension, force_factor, tension_table
+from fem_biobot.material.dispersion import AngularTension, Density, Dispersion
+from fem_biobot.material.fibre_tension import FibreTension
+from fem_biobot.material.force_length import FORCE_LENGTH, ForceLength, force_length
 from fem_biobot.material.law import Law
 from fem_biobot.material.laws import LAWS, law_from
 from fem_biobot.material.natural_state import NaturalState
@@ -8,17 +13,27 @@ from fem_biobot.material.neo_hooke import NeoHooke
 from fem_biobot.material.volume import LINEAR, LOG, QUADRATIC, SplitLaw, Volumetric
 
 __all__ = [
+    "FORCE_LENGTH",
     "LAWS",
     "LINEAR",
     "LOG",
     "QUADRATIC",
+    "ActiveStrain",
     "ActiveStress",
+    "AngularTension",
     "Convention",
+    "Density",
+    "Dispersion",
+    "FibreTension",
+    "ForceLength",
     "Law",
     "NaturalState",
     "NeoHooke",
-    "NominalTension",
     "SplitLaw",
     "Volumetric",
+    "converted_tension",
+    "force_factor",
+    "force_length",
     "law_from",
+    "tension_table",
 ]

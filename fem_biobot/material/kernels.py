@@ -104,41 +104,6 @@ def neo_hooke_points(F, elements, mu, lmbda, S, D, psi):
 
 
 @njit(cache=True, nogil=True)
-def nominal_tension_points(F, elements, tension, a0, S, D, psi):
-    """Nominal tension along `a0`, (3, e, q); `tension` (e, q) [kPa]; same as `NominalTension`."""
-    aa = np.empty(6)
-    moduli = D.shape[0] > 0
-    for index in range(elements.shape[0]):
-        e = elements[index]
-        for q in range(F.shape[3]):
-            T = tension[e, q]
-            x = a0[0, e, q]
-            y = a0[1, e, q]
-            z = a0[2, e, q]
-            fx = F[0, 0, e, q] * x + F[0, 1, e, q] * y + F[0, 2, e, q] * z
-            fy = F[1, 0, e, q] * x + F[1, 1, e, q] * y + F[1, 2, e, q] * z
-            fz = F[2, 0, e, q] * x + F[2, 1, e, q] * y + F[2, 2, e, q] * z
-            stretch = np.sqrt(fx * fx + fy * fy + fz * fz)
-            aa[0] = x * x
-            aa[1] = y * y
-            aa[2] = z * z
-            aa[3] = x * y
-            aa[4] = y * z
-            aa[5] = x * z
-            psi[e, q] += T * (stretch - 1.0)
-            first = T / stretch
-            second = -T / stretch**3
-            entry = 0
-            for a in range(6):
-                S[a, e, q] += first * aa[a]
-                if not moduli:
-                    continue
-                for b in range(a, 6):
-                    D[entry, e, q] += second * aa[a] * aa[b]
-                    entry += 1
-
-
-@njit(cache=True, nogil=True)
 def pull_back_points(G, elements, volume, S_e, D_e, psi_e, S, D, psi):
     """Second Piola quantities from a natural state back to the reference body.
 

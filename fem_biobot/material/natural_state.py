@@ -8,7 +8,7 @@ import numpy as np
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.kernels import pull_back_points
-from fem_biobot.material.law import Array, Law, inverse, volume_ratio
+from fem_biobot.material.law import Array, Law, add_law, at_elements, inverse, is_symmetric, volume_ratio
 from fem_biobot.material.volume import SplitLaw, Volumetric
 
 # how far the volume of a natural state may be off by rounding, as a share of it
@@ -39,12 +39,15 @@ class NaturalState:
         if F0.shape[:2] != (3, 3) or F0.ndim not in (2, 3):
             raise ModelError(f"F0: found shape {F0.shape}, expected (3, 3) or (3, 3, e)")
         volume_ratio(F0)
+        if not is_symmetric(self.law):
+            raise ModelError(f"NaturalState: found {type(self.law).__name__}, expected a law that has an energy")
         F0.setflags(write=False)
         object.__setattr__(self, "F0", F0)
 
     def at(self, elements: np.ndarray) -> NaturalState:
         """The law with the natural states of these elements only, (k,)."""
-        return self if self.F0.ndim == 2 else NaturalState(self.law, self.F0[:, :, elements])
+        F0 = self.F0 if self.F0.ndim == 2 else self.F0[:, :, elements]
+        return NaturalState(at_elements(self.law, elements), F0)
 
     def split(self) -> tuple[NaturalState, Volumetric]:
         """The state of the law without its volumetric energy, and that energy.
@@ -83,16 +86,13 @@ class NaturalState:
 
     def add_second_piola(self, F: Array, elements: np.ndarray, S: Array, D: Array, psi: Array) -> None:
         """Compiled form over the points of `elements`; here `F0` is (3, 3) or (3, 3, e) over ALL elements."""
-        inner = getattr(self.law, "add_second_piola", None)
-        if inner is None:
-            raise ModelError("NaturalState: the law inside has no compiled form, expected one with add_second_piola")
         n_elements = F.shape[2]
         F0 = self.F0 if self.F0.ndim == 3 else self.F0[:, :, None]
         G = np.broadcast_to(inverse(F0), (3, 3, n_elements))
         volume = np.broadcast_to(volume_ratio(F0), (n_elements,))
         F_e = np.einsum("imeq,mke->ikeq", F, G)
         S_e, D_e, psi_e = np.zeros_like(S), np.zeros_like(D), np.zeros_like(psi)
-        inner(F_e, elements, S_e, D_e, psi_e)
+        add_law(self.law, F_e, elements, S_e, D_e, psi_e)
         pull_back_points(G, elements, volume, S_e, D_e, psi_e, S, D, psi)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class NeoHooke:
 
     young: float
     poisson: float
+    isotropic: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         lame(self.young, self.poisson)

@@ -11,6 +11,7 @@ from fem_biobot.material import kernels as material_kernels
 from fem_biobot.material.active import ActiveStress
 from fem_biobot.material.natural_state import NaturalState
 from fem_biobot.material.neo_hooke import NeoHooke
+from fem_biobot.material.tension import kernels as tension_kernels
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid import kernels
 from fem_biobot.solid.model import SolidModel, solve
@@ -27,7 +28,7 @@ class Listener(Protocol):
 
 def cached() -> bool:
     """Whether compiled kernels newer than their sources lie on disk."""
-    for module in (kernels, material_kernels):
+    for module in (kernels, material_kernels, tension_kernels):
         source = Path(str(module.__file__))
         for kernel in vars(module).values():
             stats: Any = getattr(kernel, "stats", None)

@@ -16,6 +16,7 @@ import numpy as np
 
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.material.active import ActiveStress
+from fem_biobot.material.active_strain import ActiveStrain
 from fem_biobot.material.law import Array, Law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.held import place_nodes
@@ -92,7 +93,12 @@ class SolidModel:
         laws = tuple(
             (materials[name], elements) for name, (_, elements) in zip(self.materials, self.system.laws, strict=True)
         )
-        changed.__dict__["system"] = replace(self.system, laws=laws)
+        # active strain contracts the passive law itself
+        contractions = tuple(
+            replace(c, law=c.law.over(materials[name])) if isinstance(c.law, ActiveStrain) else c
+            for name, c in zip(self.active, self.system.contractions, strict=True)
+        )
+        changed.__dict__["system"] = replace(self.system, laws=laws, contractions=contractions)
         return changed
 
     @property

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem_biobot.material.law import PAIRS, Array, volume_ratio
-from fem_biobot.material.natural_state import NaturalState
+from fem_biobot.material.law import PAIRS, Array, at_elements, volume_ratio
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.space import Ints
 from fem_biobot.solid.system import Points, System
@@ -99,16 +98,12 @@ class Probe:
         for law, elements in system.laws:
             mine = np.isin(self.elements, elements)
             if mine.any():
-                own = law.at(self.elements[mine]) if isinstance(law, NaturalState) else law
-                P[:, :, mine] += own.stress(F[:, :, mine])
+                P[:, :, mine] += at_elements(law, self.elements[mine]).stress(F[:, :, mine])
         for c in system.contractions:
             mine = np.isin(self.elements, c.elements)
             if mine.any():
-                a0 = c.a0[:, self.elements[mine], 0]
-                a = np.einsum("ik...,k...->i...", F[:, :, mine], a0)
-                a /= np.sqrt(np.einsum("i...,i...->...", a, a))
-                T = state.step.tension * c.tension[self.elements[mine], 0]
-                P[:, :, mine] += T * np.einsum("i...,k...->ik...", a, a0)
+                tension = at_elements(c.law.scaled(state.step.tension), self.elements[mine])
+                P[:, :, mine] += tension.stress(F[:, :, mine])
         return np.einsum("ikn,jkn->ijn", P, F) / volume_ratio(F)
 
 

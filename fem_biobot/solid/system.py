@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
-from fem_biobot.material.active import ActiveStress
-from fem_biobot.material.kernels import nominal_tension_points, smallest_volume_ratio
-from fem_biobot.material.law import PAIRS, Array, Law, inverse
+from fem_biobot.material.active import ActiveLaw, ActiveStress, active_law
+from fem_biobot.material.kernels import smallest_volume_ratio
+from fem_biobot.material.law import Array, Law, add_law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid import kernels
 from fem_biobot.solid.held import Held, held
@@ -60,12 +60,15 @@ class Contraction:
         Tension (e, q) [kPa] and fibres (3, e, q) over ALL elements.
     rise
         Largest tension over three times the region's passive shear modulus: the strain it would cause alone [1].
+    law
+        The tension's law at factor 1, over ALL elements.
     """
 
     elements: Ints
     tension: Array
     a0: Array
     rise: float
+    law: ActiveLaw
 
 
 @dataclass(frozen=True)
@@ -141,11 +144,8 @@ class System:
                 run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(elements))
         if tension != 0.0:
             for c in self.contractions:
-                scaled = tension * c.tension
-                run_parts(
-                    lambda part, c=c, scaled=scaled: nominal_tension_points(F, part, scaled, c.a0, S, D, psi),
-                    split(c.elements),
-                )
+                law = c.law.scaled(tension)
+                run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(c.elements))
         return Points(F, S, D, psi)
 
     def internal_force(self, points: Points) -> tuple[Array, Array]:
@@ -186,33 +186,6 @@ class System:
         scale = float(np.mean(data[self.pattern.starts[:-1]]))
         data[self.blocked] = 0.0
         data[self.diagonal] = scale
-
-
-def add_law(law: Law, F: Array, elements: Ints, S: Array, D: Array, psi: Array) -> None:
-    """Add a law's second Piola stress, tangent and energy at the points of `elements`.
-
-    Uses the law's compiled form where it has one, else converts its first Piola stress and tangent.
-    """
-    compiled = getattr(law, "add_second_piola", None)
-    if compiled is not None:
-        compiled(F, elements, S, D, psi)
-        return
-    part = F[:, :, elements]
-    g = inverse(part)
-    psi[elements] += law.energy(part)
-    full = np.einsum("im...,mk...->ik...", g, law.stress(part))
-    for a, (i, j) in enumerate(PAIRS):
-        S[a, elements] += full[i, j]
-    if not len(D):
-        return
-    A4 = law.tangent(part)
-    eye = np.eye(3)[:, :, None, None]
-    material = np.einsum("mi...,ikjl...,nj...->mknl...", g, A4 - np.einsum("ij...,kl...->ikjl...", eye, full), g)
-    entry = 0
-    for a, (i, j) in enumerate(PAIRS):
-        for k, m in PAIRS[a:]:
-            D[entry, elements] += material[i, j, k, m]
-            entry += 1
 
 
 def assemble_system(
@@ -266,7 +239,8 @@ def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress, l
             )
     tension[elements] = np.asarray(muscle.tension).reshape(-1, 1)
     a0[:, elements] = muscle.a0.reshape(3, -1, 1)
-    return Contraction(elements, tension, a0, float(tension.max()) / (3.0 * _shear_modulus(law, elements, body)))
+    rise = float(tension.max()) / (3.0 * _shear_modulus(law, elements, body))
+    return Contraction(elements, tension, a0, rise, active_law(muscle, n, elements, law))
 
 
 def _shear_modulus(law: Law, elements: Ints, body: Space) -> float:

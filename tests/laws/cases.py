@@ -8,7 +8,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fem_biobot.material import LAWS, Law, NaturalState, NeoHooke, NominalTension
+from fem_biobot.material import (
+    LAWS,
+    ActiveStrain,
+    AngularTension,
+    Convention,
+    Dispersion,
+    FibreTension,
+    ForceLength,
+    Law,
+    NaturalState,
+    NeoHooke,
+    force_length,
+)
 from tests.helpers import unit
 
 Array = NDArray[np.float64]
@@ -35,6 +47,10 @@ class Case:
         Whether the stress is zero there too.
     fibre
         The fibre, for a transversely isotropic law.
+    energetic
+        Whether the law has an energy, and so a tangent with major symmetry.
+    plane
+        Whether the law knows a plane besides its fibre, so that it is not symmetric about that.
     """
 
     name: str
@@ -43,6 +59,8 @@ class Case:
     rest: Array = field(default_factory=lambda: np.eye(3))
     passive: bool = True
     fibre: Array | None = None
+    energetic: bool = True
+    plane: bool = False
 
 
 def _passive(name: str) -> Callable[..., Law]:
@@ -56,9 +74,53 @@ def _natural(F0: Array = F0, law: Law | None = None) -> Law:
     return NaturalState(law or NeoHooke(YOUNG, POISSON), F0)
 
 
-def _nominal(tension: float = 7.7, a0: Array = FIBRE) -> Law:
-    return NominalTension(tension, a0)
+NORMAL = np.cross(FIBRE, unit(0.2, 0.5, 0.8))
+NORMAL /= np.linalg.norm(NORMAL)
+# a fibre turned in the plane of NORMAL
+OTHER = np.cos(0.1) * FIBRE + np.sin(0.1) * np.cross(NORMAL, FIBRE)
 
+
+def _through(pieces: list[tuple[float, float, float]], value: float) -> ForceLength:
+    """Continuous curve of pieces (start, slope there, curvature), with the value at the first start."""
+    rows, last = [], value
+    for k, (start, slope, half) in enumerate(pieces):
+        rows.append([last - slope * start + half * start**2, slope - 2.0 * half * start, half])
+        if k + 1 < len(pieces):
+            step = pieces[k + 1][0] - start
+            last += slope * step + half * step**2
+    return ForceLength(np.array([start for start, _, _ in pieces]), np.array(rows), "test")
+
+
+# corners away from the stretches of the battery's deformations, so that Taylor remainders see none
+CORNERED = _through([(0.0, 0.9, -0.4), (0.65, 0.7, 0.2), (1.04, -0.6, 0.1), (1.7, 0.1, 0.3)], 0.4)
+SMOOTH = _through([(0.0, 1.1, -0.5)], 0.4)
+LEVEL = force_length("none")
+
+
+def _tension(convention: Convention) -> Callable[..., Law]:
+    def make(tension: float = 7.7, a0: Array = FIBRE, curve: ForceLength = LEVEL, **options: object) -> Law:
+        return FibreTension(tension, a0, convention, curve, **options)
+
+    return make
+
+
+def _dispersed(
+    tension: float = 7.7, a0: Array = FIBRE, spread: float = 0.5, density: str = "planar", curve: ForceLength = LEVEL
+) -> Law:
+    structure = Dispersion(spread, density, NORMAL).structure(a0)
+    return FibreTension(tension, a0, structure=structure, force_length=curve)
+
+
+def _integrated(tension: float = 7.7, a0: Array = FIBRE, spread: float = 0.5, density: str = "planar") -> Law:
+    return AngularTension(tension, a0, Dispersion(spread, density, NORMAL), force_length=SMOOTH)
+
+
+def _strained(tension: float = 7.7, a0: Array = FIBRE, law: Law | None = None) -> Law:
+    return ActiveStrain(tension, a0, law or NeoHooke(YOUNG, POISSON))
+
+
+STRESSES = [c for c in Convention if c is not Convention.active_strain]
+TENSION = {"tension": 8.0, "a0": OTHER}
 
 CASES = [
     *(Case(name, _passive(name), {"young": 1.1 * YOUNG, "poisson": 1.1 * POISSON}) for name in LAWS),
@@ -68,5 +130,49 @@ CASES = [
         {"F0": F0 + 0.05 * np.eye(3), "law": NeoHooke(1.1 * YOUNG, POISSON)},
         rest=F0,
     ),
-    Case("nominal_tension", _nominal, {"tension": 8.0, "a0": unit(0.3, -0.7, 0.6)}, passive=False, fibre=FIBRE),
+    *(
+        Case(
+            f"tension_{convention}",
+            _tension(convention),
+            {**TENSION, "curve": CORNERED, "transverse": 0.2},
+            passive=False,
+            fibre=FIBRE,
+            energetic=convention is not Convention.cauchy,
+        )
+        for convention in STRESSES
+    ),
+    *(
+        Case(
+            f"tension_{convention}_by_length",
+            lambda convention=convention, **changed: _tension(convention)(**{"curve": CORNERED, **changed}),
+            {**TENSION, "curve": LEVEL},
+            passive=False,
+            fibre=FIBRE,
+            energetic=convention is not Convention.cauchy,
+        )
+        for convention in STRESSES
+    ),
+    Case(
+        "tension_across",
+        lambda **changed: _tension(Convention.nominal)(**{"transverse": 0.3, **changed}),
+        {**TENSION, "transverse": 0.2},
+        passive=False,
+        fibre=FIBRE,
+    ),
+    Case("dispersed", _dispersed, {**TENSION, "spread": 0.3}, passive=False, fibre=FIBRE, plane=True),
+    Case(
+        "dispersed_in_space",
+        lambda **changed: _dispersed(**{"density": "solid", "curve": CORNERED, **changed}),
+        {**TENSION, "spread": 0.3, "curve": LEVEL},
+        passive=False,
+        fibre=FIBRE,
+    ),
+    Case("integrated", _integrated, {**TENSION, "spread": 0.3}, passive=False, fibre=FIBRE, plane=True),
+    Case(
+        "active_strain",
+        _strained,
+        {**TENSION, "law": NeoHooke(1.2 * YOUNG, POISSON)},
+        passive=False,
+        fibre=FIBRE,
+    ),
 ]

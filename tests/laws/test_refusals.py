@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from fem_biobot.errors import ModelError
-from fem_biobot.material import LAWS, ActiveStress, Convention, NaturalState, NeoHooke, NominalTension, law_from
+from fem_biobot.material import (
+    LAWS,
+    ActiveStrain,
+    ActiveStress,
+    Convention,
+    FibreTension,
+    NaturalState,
+    NeoHooke,
+    law_from,
+)
 from fem_biobot.material.natural_state import isochoric_contraction
 from tests.helpers import unit
 
@@ -44,7 +53,7 @@ def test_an_unknown_law_is_refused_with_the_known_ones() -> None:
         law_from("rubber", 1.0, 0.3)
 
 
-@pytest.mark.parametrize("make", [NominalTension, ActiveStress])
+@pytest.mark.parametrize("make", [FibreTension, ActiveStress])
 @pytest.mark.parametrize("tension", [-1.0, float("nan"), np.array([2.0, -0.1])])
 def test_a_tension_that_pushes_is_refused(make: type, tension: object) -> None:
     """Muscle pulls: a negative tension, or one that is no number, is refused.
@@ -55,7 +64,7 @@ def test_a_tension_that_pushes_is_refused(make: type, tension: object) -> None:
         make(tension, FIBRE)
 
 
-@pytest.mark.parametrize("make", [NominalTension, ActiveStress])
+@pytest.mark.parametrize("make", [FibreTension, ActiveStress])
 @pytest.mark.parametrize("a0", [1.001 * FIBRE, np.zeros(3), np.full(3, np.nan), np.stack([FIBRE, 2 * FIBRE], axis=1)])
 def test_a_fibre_that_is_no_unit_vector_is_refused(make: type, a0: np.ndarray) -> None:
     """Fibres must have unit length, every one of them.
@@ -96,6 +105,35 @@ def test_a_natural_state_that_is_none_is_refused(F0: np.ndarray, word: str) -> N
     """
     with pytest.raises(ModelError, match=word):
         NaturalState(NeoHooke(1.0, 0.3), F0)
+
+
+def test_a_natural_state_needs_a_law_with_an_energy() -> None:
+    """A natural state scales an energy, so tension per current area has no place in it.
+
+    Catches: an unsymmetric tangent pulled back as if it were symmetric.
+    """
+    with pytest.raises(ModelError, match="NaturalState: found FibreTension, expected a law that has an energy"):
+        NaturalState(FibreTension(1.0, FIBRE, "cauchy"), np.eye(3))
+
+
+def test_active_strain_refuses_a_tension_that_its_law_cannot_carry() -> None:
+    """A law that does not resist shortening has no natural stretch for a tension.
+
+    Catches: the end of the bracket returned as if it were an answer.
+    """
+
+    class Slack:
+        def energy(self, F: np.ndarray) -> np.ndarray:
+            return np.zeros(F.shape[2:])
+
+        def stress(self, F: np.ndarray) -> np.ndarray:
+            return np.zeros_like(F)
+
+        def tangent(self, F: np.ndarray) -> np.ndarray:
+            return np.zeros((3, 3, *F.shape))
+
+    with pytest.raises(ModelError, match="tension: found 2 kPa, expected one that active strain"):
+        ActiveStrain(2.0, FIBRE, Slack())
 
 
 def test_an_isochoric_contraction_keeps_the_volume_and_shortens_the_fibre() -> None:

@@ -1,12 +1,24 @@
-"""Free contraction of a block of compressible neo-Hooke under nominal tension: two scalar equations.
+"""Free contraction of a block of neo-Hooke under active tension in any convention: scalar equations.
 
-Along the fibre ``mu (s - 1/s) + lmbda ln(s t^2)/s + T = 0``, across it ``mu (t - 1/t) + lmbda ln(s t^2)/t = 0``.
+Compressible, along the fibre ``mu (s - 1/s) + lmbda ln(s t^2)/s + T p(s, t) = 0``, across it
+``mu (t - 1/t) + lmbda ln(s t^2)/t = 0``, with the traction ``T p`` per reference area: ``p = 1`` nominal, ``s`` second
+Piola, ``1/s`` Kirchhoff, ``t^2`` Cauchy (the current area over the reference one). Incompressible, ``t^2 = 1/s``:
+``mu (s - s^-2) + T p = 0``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.optimize import brentq
+
+TRACTION: dict[str, Callable[[float, float], float]] = {
+    "nominal": lambda s, t: 1.0,
+    "second_piola": lambda s, t: s,
+    "kirchhoff": lambda s, t: 1.0 / s,
+    "cauchy": lambda s, t: t * t,
+}
 
 
 def lame_over_mu(poisson: float) -> float:
@@ -20,13 +32,29 @@ def across(s: float, poisson: float) -> float:
     return brentq(lambda t: t * t - 1.0 + ratio * np.log(s * t * t), 1e-3, 30.0, xtol=1e-15, rtol=1e-15)
 
 
-def free_stretches(tension_over_mu: float, poisson: float) -> tuple[float, float]:
-    """Stretches along and across the fibre."""
-    ratio = lame_over_mu(poisson)
+def along(s: float, t: float, poisson: float) -> float:
+    """Passive nominal stress along the fibre over mu."""
+    return s - 1.0 / s + lame_over_mu(poisson) * np.log(s * t * t) / s
 
-    def along(s: float) -> float:
+
+def free_stretches(
+    tension_over_mu: float,
+    poisson: float,
+    convention: str = "nominal",
+    share: Callable[[float], float] = lambda s: 1.0,
+) -> tuple[float, float]:
+    """Stretches along and across the fibre; `share` of the tension by the fibre stretch."""
+    traction = TRACTION[convention]
+
+    def pull(s: float) -> float:
         t = across(s, poisson)
-        return s - 1.0 / s + ratio * np.log(s * t * t) / s + tension_over_mu
+        return along(s, t, poisson) + tension_over_mu * share(s) * traction(s, t)
 
-    s = brentq(along, 0.05, 1.0, xtol=1e-15, rtol=1e-15)
+    s = brentq(pull, 0.05, 1.0, xtol=1e-15, rtol=1e-15)
     return s, across(s, poisson)
+
+
+def incompressible_stretch(tension_over_mu: float, convention: str = "nominal") -> float:
+    """Stretch along the fibre at constant volume."""
+    traction = TRACTION[convention]
+    return brentq(lambda s: s - s**-2 + tension_over_mu * traction(s, s**-0.5), 0.05, 1.0, xtol=1e-15, rtol=1e-15)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from fem_biobot.mesh.body import BodyMesh
     from fem_biobot.mesh.files import read_mesh, write_mesh
     from fem_biobot.mesh.geometry import build_mesh
+    from fem_biobot.rod.activation.curve import MuscleCurve
     from fem_biobot.rod.drag.record import Drag
     from fem_biobot.rod.dynamics.integrate import Motion, dynamics
     from fem_biobot.rod.ensemble import walk_ensemble
@@ -61,6 +62,7 @@ _HOMES = {
     "mesh.body": ("BodyMesh",),
     "mesh.files": ("read_mesh", "write_mesh"),
     "mesh.geometry": ("build_mesh",),
+    "rod.activation.curve": ("MuscleCurve",),
     "rod.drag.record": ("Drag",),
     "rod.dynamics.integrate": ("Motion", "dynamics"),
     "rod.ensemble": ("walk_ensemble",),
@@ -121,6 +123,7 @@ __all__ = [
     "Modes",
     "Motion",
     "Muscle",
+    "MuscleCurve",
     "NeoHooke",
     "PointLoad",
     "Resistance",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.activation.kernels import active_tension
 from fem_biobot.rod.assembly.kernels import passive_tension
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.model import RodModel
@@ -135,10 +136,34 @@ def _member_length(motion: Motion, k: int) -> Array:
     return np.linalg.norm(end - begin, axis=1)
 
 
+def _member_rate(motion: Motion, k: int) -> Array:
+    """Rate of length of a member at the samples, (s,) [mm/s]."""
+    members, at, moving = motion.model.assembly.members, [], []
+    for node, offset in zip(members.nodes[k], members.offset[k], strict=True):
+        arm = np.einsum("sji,j->si", motion.Q[:, node], offset)
+        at.append(motion.x[:, node] + arm)
+        moving.append(motion.v[:, node, :3] + np.cross(motion.v[:, node, 3:], arm))
+    along = (at[1] - at[0]) / np.linalg.norm(at[1] - at[0], axis=1)[:, None]
+    return np.einsum("sc,sc->s", along, moving[1] - moving[0])
+
+
+def added_forces(motion: Motion, found: Anatomy) -> Array:
+    """What the drive adds to the tensile force of each muscle, (s, m) [mN]."""
+    A = motion.model.assembly
+    force = np.array([(motion.model.pull(drive) - motion.model.pull(0.0))[found.muscles] for drive in motion.drive])
+    for column, k in enumerate(found.muscles):
+        rest, standing = A.members.length[k], A.activation.standing[k]
+        for i, (length, rate) in enumerate(zip(_member_length(motion, k), _member_rate(motion, k), strict=True)):
+            isometric = force[i, column]
+            active, _, _ = active_tension(A.activation, k, rest, length - rate, length, 1.0, 1.0, isometric)
+            force[i, column] = active - standing
+    return force
+
+
 def muscle_forces(motion: Motion, found: Anatomy) -> Array:
     """Tensile force of each muscle without its viscous part, (s, m) [mN]."""
     members = motion.model.assembly.members
-    force = np.array([motion.model.pull(drive)[found.muscles] for drive in motion.drive])
+    force = added_forces(motion, found) + motion.model.assembly.activation.standing[found.muscles]
     for column, k in enumerate(found.muscles):
         lengths = _member_length(motion, k)
         for i in range(len(force)):

@@ -1,9 +1,9 @@
 """What the compiled kernels read of an assembly: tuples of arrays, made once by `rod.build`.
 
 Letters of shapes: ``n`` nodes, ``m`` elements, ``k`` axial members, ``l`` loads, ``j`` joints, ``c`` contact
-points, ``t`` nodes that touch other parts, ``s`` segments of what they touch, ``d`` lumps of drag. A node is a rigid
-group at its centre of mass: a node of a rod, a body, or several of these joined rigidly. An offset leads from a node to
-a point fixed to it, in the node's own frame. Node -1 is the world; its offset is a position.
+points, ``t`` nodes that touch other parts, ``s`` segments of what they touch, ``d`` lumps of drag, ``q`` curves. A node
+is a rigid group at its centre of mass: a node of a rod, a body, or several of these joined rigidly. An offset leads
+from a node to a point fixed to it, in the node's own frame. Node -1 is the world; its offset is a position.
 """
 
 from __future__ import annotations
@@ -50,6 +50,28 @@ class Members(NamedTuple):
     stiffness: Array
     length: Array
     viscosity: Array
+
+
+class Activation(NamedTuple):
+    """Active tension of the members, see `rod.activation`.
+
+    Attributes
+    ----------
+    standing
+        Force without stimulation, (k,) [mN].
+    curve
+        Numbers of the curves of stretch and of rate of stretch that multiply the stimulated force, (k, 2); -1 for none.
+    low, spacing
+        First knot and distance of the knots of each curve, (q,).
+    table
+        Value, and slope times distance, at the knots of each curve, (q, 1025, 2).
+    """
+
+    standing: Array
+    curve: Ints
+    low: Array
+    spacing: Array
+    table: Array
 
 
 class Loads(NamedTuple):
@@ -163,3 +185,4 @@ class Assembly(NamedTuple):
     touches: Touches
     gravity: Array
     drag: Drags
+    activation: Activation

@@ -44,7 +44,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What acts: factors of the point loads (l,) and of gravity, active tension of the members (k,) [mN]."""
+    """What acts: factors of the point loads (l,) and of gravity, and what drive adds to members' tension (k,) [mN]."""
 
     assembly: Assembly
     load_factor: Array
@@ -101,7 +101,10 @@ def conditions(model: RodModel, load: float, tension: float, drive: float, time:
     mass = float(assembly.inertia.mass.max())
     if extent == 0.0:  # a single body: its radius of gyration
         extent = float(inertia / np.sqrt(mass)) if mass > 0.0 else 1.0
-    return Conditions(assembly, load * model.load_factors(time), load, tension * model.pull(drive), extent)
+    active = assembly.activation
+    assembly = assembly._replace(activation=active._replace(standing=tension * active.standing))
+    pull = tension * (model.pull(drive) - model.pull(0.0))
+    return Conditions(assembly, load * model.load_factors(time), load, pull, extent)
 
 
 def of_state(state: RodState) -> tuple[Conditions, Point]:
@@ -124,12 +127,12 @@ def out_of_balance(model: RodModel, given: Conditions, at: Point) -> Forces:
     A = given.assembly
     n, m, k, j = len(at.x), len(A.damping), len(A.members.law), len(A.constraints.rows)
     strain, s = np.zeros((m, 6)), np.zeros((m, 6))
-    lengths, tension = np.zeros(k), np.zeros(k)
+    lengths, tension, active, slopes = np.zeros(k), np.zeros(k), np.zeros(k), np.zeros((k, 2))
     largest = kernels.measure(A, at.x, at.Q, strain, lengths)
     if not largest <= LARGEST_TURN:
         raise StepFailedError(f"an element turns by more than {LARGEST_TURN:g} rad between its ends; take a finer rod")
     kernels.resultants(A, strain, strain, 1.0, 0.0, s)
-    kernels.tensions(A.members, lengths, lengths, 1.0, 0.0, given.pull, tension)
+    kernels.tensions(A.members, A.activation, lengths, lengths, 1.0, 0.0, given.pull, tension, active, slopes)
     force, value, outside = np.zeros((n, 6)), np.zeros((j, 6)), np.zeros((n, 6))
     kernels.add_all_forces(A, at.x, at.Q, s, tension, given.load_factor, given.gravity_factor, force)
     held = A.inertia.held
@@ -162,8 +165,11 @@ def tangent(
     """
     A, system = given.assembly, model.system
     blocks = np.zeros((system.n_blocks, 6, 6))
+    k = len(lengths)
+    slopes, ones = np.zeros((k, 2)), np.ones(len(A.damping))
+    kernels.tensions(A.members, A.activation, lengths, lengths, 1.0, 0.0, given.pull, np.zeros(k), np.zeros(k), slopes)
     kernels.add_stiffness(
-        A, system, at.x, at.Q, s, np.ones(len(A.damping)), tension, lengths, 1.0, 0.0, given.load_factor, 1.0, blocks
+        A, system, at.x, at.Q, s, ones, tension, slopes, lengths, 1.0, 0.0, given.load_factor, 1.0, blocks
     )
     kernels.joint_blocks(A.constraints, A.inertia.held, system.joint, at.x, at.Q, blocks)
     return blocks, joint_stiffness(A.constraints, at.Q, at.multiplier)

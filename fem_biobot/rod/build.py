@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.activation.build import activations
 from fem_biobot.rod.arrays import Assembly, Constraints, Inertia, Loads, Members
 from fem_biobot.rod.atlas import Atlas, Built, Member, Moved
 from fem_biobot.rod.contacts import contact_arrays, touch_arrays
@@ -105,6 +106,7 @@ def build(
         touch_arrays(touches, atlas),
         gravity,
         drag_lumps(loads, atlas, elements),
+        activations(members),
     )
     _refuse_loose_parts(assembly, atlas)
     return Built(assembly, atlas, atlas.centre.copy(), tuple(members), tuple(histories), volume, tuple(moved))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.design import Design
-from fem_biobot.rod.anatomy import Anatomy, anatomy, closing, muscle_forces, muscle_lengths, path, sagitta
+from fem_biobot.rod.anatomy import Anatomy, added_forces, anatomy, closing, muscle_forces, muscle_lengths, path, sagitta
 from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.events import Event
@@ -284,8 +284,7 @@ class Walk:
 
         The active force is what the drive adds to the standing tension; it does work while the muscle shortens.
         """
-        rest = self.model.pull(0.0)[self.anatomy.muscles]
-        pull = np.array([self.model.pull(drive)[self.anatomy.muscles] - rest for drive in self.motion.drive])
+        pull = added_forces(self.motion, self.anatomy)
         done = -0.5 * (pull[1:] + pull[:-1]) * np.diff(self.muscle_length, axis=0)
         total = np.concatenate([[0.0], np.maximum(done, 0.0).sum(axis=1).cumsum()])
         return _mean(np.diff(np.interp(self.stroke_ends, self.times, total))[self.kept])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.activation.kernels import active_tension
 from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.assembly import kernels
 from fem_biobot.rod.build import Atlas, Built, Joint, Load, Member, build
@@ -133,11 +134,14 @@ class RodModel:
         raise ModelError(f"no rod of the name {rod!r}, expected one of: {', '.join(r.name for r in self.rods)}")
 
     def pull(self, drive: float) -> Array:
-        """Active tensile force of every member at a drive between 0 and 1, (k,) [mN]; 0 for springs."""
+        """Active tensile force of every member at a drive between 0 and 1, (k,) [mN]; 0 for springs.
+
+        Standing and stimulated, without the factors of length and velocity.
+        """
         force = np.zeros(len(self.members))
         for k, m in enumerate(self.members):
             if isinstance(m, Muscle):
-                force[k] = m.area * m.gamma * np.sin(m.theta) * (m.passive + drive * m.active)
+                force[k] = m.isometric(drive)
         return force
 
     def load_factors(self, time: float) -> Array:
@@ -249,9 +253,15 @@ class RodState:
 
     def muscle_force(self, name: str) -> float:
         """Tensile force of a muscle without its viscous part [mN]."""
-        k, M = self._muscle(name), self.model.assembly.members
-        passive, _, _ = kernels.passive_tension(M.law[k], M.stiffness[k], M.length[k], self._measured[1][k])
-        return float(self.tension * self.model.pull(self.drive)[k] + passive)
+        k, A = self._muscle(name), self.model.assembly
+        M, muscle, length = A.members, self.model.members[k], float(self._measured[1][k])
+        assert isinstance(muscle, Muscle)
+        apart = self.at(muscle.b) - self.at(muscle.a)
+        rate = float(apart @ (self.velocity(muscle.b) - self.velocity(muscle.a))) / length
+        stimulated = muscle.isometric(self.drive) - muscle.isometric(0.0)
+        active, _, _ = active_tension(A.activation, k, M.length[k], length - rate, length, 1.0, 1.0, stimulated)
+        passive, _, _ = kernels.passive_tension(M.law[k], M.stiffness[k], M.length[k], length)
+        return float(self.tension * active + passive)
 
     def _muscle(self, name: str) -> int:
         if name not in self.model.muscles:

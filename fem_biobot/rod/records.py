@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
+from fem_biobot.rod.activation.curve import MuscleCurve
 from fem_biobot.rod.section import RodMaterial, Section
 
 Array = NDArray[np.float64]
@@ -319,7 +320,7 @@ class Muscle:
     """A muscle that pulls along the line between two places (Eq. 2 of the paper).
 
     Its tensile force is ``area * (gamma * sin(theta) * T + resistance(stretch) + viscosity * rate of stretch)`` with
-    the tension ``T(t) = passive + drive(t) * active``.
+    the tension ``T(t) = passive + drive(t) * active * force_length(stretch) * force_velocity(rate of stretch)``.
 
     Parameters
     ----------
@@ -343,6 +344,8 @@ class Muscle:
         [kg], half at each end.
     name
         For outputs; unique in a model.
+    force_length, force_velocity
+        Factors on the stimulated part alone, `MuscleCurve`: of the stretch, and of its rate [1/s]; 1 by default.
     """
 
     a: Place
@@ -358,6 +361,12 @@ class Muscle:
     viscosity: float = 0.0
     mass: float = 0.0
     name: str = "muscle"
+    force_length: MuscleCurve | None = None
+    force_velocity: MuscleCurve | None = None
+
+    def isometric(self, drive: float) -> float:
+        """Tensile force of its tension at a drive, with factors of length and velocity of 1 [mN]."""
+        return float(self.area * self.gamma * np.sin(self.theta) * (self.passive + drive * self.active))
 
     def __post_init__(self) -> None:
         _number(f"muscle {self.name}: area", self.area, 0.0, open_low=True)
@@ -369,6 +378,9 @@ class Muscle:
             raise ModelError(f"muscle {self.name}: theta: found {self.theta:g} rad, expected between 0 and pi")
         if self.rest_length is not None:
             _number(f"muscle {self.name}: rest_length", self.rest_length, 0.0, open_low=True)
+        for key in ("force_length", "force_velocity"):
+            if not isinstance(getattr(self, key), MuscleCurve | None):
+                raise ModelError(f"muscle {self.name}: {key}: found {getattr(self, key)!r}, expected a MuscleCurve")
         try:
             _set(self, resistance=Resistance(self.resistance))
         except ValueError:

@@ -10,6 +10,7 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
+from fem_biobot.rod.activation.kernels import active_tension  # noqa: E402
 from fem_biobot.rod.element.kernels import add_forces, element_tangent, strains  # noqa: E402
 from fem_biobot.rod.parts.kernels import (  # noqa: E402
     add_gravity,
@@ -46,15 +47,21 @@ def resultants(assembly, before, after, weight, rate, s):
 
 
 @njit(cache=True, nogil=True)
-def tensions(members, before, after, weight, rate, pull, tension):
-    """Write the tensile force of each member: `weight` as in `resultants`, `pull` the active part, (k,) [mN]."""
+def tensions(members, activation, before, after, weight, rate, pull, tension, active, slopes):
+    """Write the tensile force of each member (k,): `weight` and `rate` as in `resultants`, `pull` what drive adds.
+
+    `active` takes its active part (k,), `slopes` that part's slopes by length and by rate of length (k, 2).
+    """
     for k in range(members.law.shape[0]):
         new, _, _ = passive_tension(members.law[k], members.stiffness[k], members.length[k], after[k])
         old = new
         if weight < 1.0:
             old, _, _ = passive_tension(members.law[k], members.stiffness[k], members.length[k], before[k])
         viscous = members.viscosity[k] * rate * (after[k] - before[k])
-        tension[k] = pull[k] + old + weight * (new - old) + viscous
+        active[k], slopes[k, 0], slopes[k, 1] = active_tension(
+            activation, k, members.length[k], before[k], after[k], weight, rate, pull[k]
+        )
+        tension[k] = active[k] + old + weight * (new - old) + viscous
 
 
 @njit(cache=True, nogil=True)
@@ -89,11 +96,12 @@ def _add_pair(K, slots, a, b, held, scale, blocks):
 
 
 @njit(cache=True, nogil=True)
-def add_stiffness(assembly, system, x, Q, s, gain, tension, lengths, weight, rate, load_factor, scale, blocks):
+def add_stiffness(assembly, system, x, Q, s, gain, tension, slopes, lengths, weight, rate, load_factor, scale, blocks):
     """Add `scale` times minus the derivative of `add_all_forces` by the nodes' increments to `blocks`.
 
-    `gain` (m,) multiplies the section stiffnesses; the slope of a member's tension is ``weight`` times its passive one
-    plus ``rate`` times its viscosity. Same as finite differences of the forces in tests/oracles.
+    `gain` (m,) multiplies the section stiffnesses; the slope of a member's tension is ``weight`` times that by length,
+    plus ``rate`` times that by rate, `slopes` (k, 2) of the active part. Same as finite differences of the forces in
+    tests/oracles.
     """
     K = np.empty((12, 12))
     C = np.empty(6)
@@ -107,7 +115,8 @@ def add_stiffness(assembly, system, x, Q, s, gain, tension, lengths, weight, rat
         _add_pair(K, system.element[e], E.nodes[e, 0], E.nodes[e, 1], held, scale, blocks)
     for k in range(M.law.shape[0]):
         _, slope, _ = passive_tension(M.law[k], M.stiffness[k], M.length[k], lengths[k])
-        member_tangent(M, k, x, Q, tension, weight * slope + rate * M.viscosity[k], K)
+        slope = weight * (slope + slopes[k, 0]) + rate * (M.viscosity[k] + slopes[k, 1])
+        member_tangent(M, k, x, Q, tension, slope, K)
         _add_pair(K, system.member[k], M.nodes[k, 0], M.nodes[k, 1], held, scale, blocks)
     L = assembly.loads
     small = np.empty((6, 6))

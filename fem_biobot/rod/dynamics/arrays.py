@@ -108,6 +108,8 @@ class Work(NamedTuple):
     s: Array  # (m, 6) resultants
     gain: Array  # (m,) factor on stiffness by damping
     tension: Array  # (k,)
+    active: Array  # (k,) part of it that muscles add to their passive resistance
+    slopes: Array  # (k, 2) of that by length and by rate of length
     force: Array  # (n, 6)
     drag: Array  # (n, 6)
     spin: Array  # (n, 3) angular momenta at the end, and at the beginning
@@ -156,8 +158,8 @@ def work_for(state: State, n_blocks: int, n_touching: int, n_touches: int) -> Wo
     )
     shapes: list[Any] = [
         *(np.zeros(s) for s in ((n, 3), (n, 3, 3), (n, 3), (n, 3, 3), node, node, (n, 3))),
-        *(np.zeros(s) for s in ((m, 6), (k,), (m, 6), (m,), (k,), node, node, (n, 3), (n, 3), vector, vector, vector)),
-        *(np.zeros(s) for s in ((n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (c,))),
+        *(np.zeros(s) for s in ((m, 6), (k,), (m, 6), (m,), (k,), (k,), (k, 2), node, node, (n, 3), (n, 3))),
+        *(np.zeros(s) for s in (vector, vector, vector, (n_blocks, 6, 6), (j, 6), (j, 6), (j, 6), (c,))),
         *(a for _ in range(2) for a in rows()),
         np.zeros(vectors),
         whole(c),

@@ -189,8 +189,7 @@ class _Run:
             parts = assembly_kernels.energies(self.assembly, self.state.x, self.state.strain, self.state.lengths)
             self.book[:3] = there.kinetic_energy, *parts
         self.n_first = self.n_steps
-        none = model.pull(0.0)
-        self.pull_from, self.pull_by = none, model.pull(1.0) - none
+        self.pull_by = model.pull(1.0) - model.pull(0.0)
         sizes = (self.system.n_blocks, len(self.system.touching), len(self.assembly.touches.node))
         self.work = work_for(self.state, *sizes)
         self.scratch = scratch(c)
@@ -201,6 +200,9 @@ class _Run:
         self.since = 1.0
         if explicit:
             pull = self._tables(np.array([self.time]))[0][0]
+            # the slope of a force by velocity damps most at full drive, whenever that comes
+            lagging = self.assembly.activation.curve[:, 1] >= 0
+            pull = np.where(lagging, np.maximum(pull, self.pull_by), pull)
             longest = longest_step(self.assembly, self.system, self.state, pull, self.step)
             if longest < self.step:
                 raise ModelError(
@@ -228,7 +230,7 @@ class _Run:
         within = _StepCalls(by_address(kernels.factorise, A, S, 0.0, 0.0, row, W), friction)
         sizes = (self.arm, self.settings.tolerance, _MOST_ITERATIONS)
         step = by_address(kernels.try_step, A, S, state, P, 0.0, 0.0, row, row, *sizes, True, within, W, self.scratch)
-        made = by_address(accept, A, S, state, 0.0, 0.0, row, row, W, self.book, self.tally)
+        made = by_address(accept, A, S, state, 0.0, 0.0, row, W, self.book, self.tally)
         theta, limits = self.settings.theta, (*sizes, _ImplicitCalls(step, within, made))
         run = entry(kernels.implicit_run, A, S, state, P, 0.0, 0.0, pulls, factors, *limits, *rooms)
         self.run = lambda h, pulls, factors: run(A, S, state, P, h, theta(h), pulls, factors, *limits, *rooms)
@@ -239,7 +241,7 @@ class _Run:
         return self.origin + self.n_steps * self.step
 
     def _tables(self, times: Array) -> tuple[Array, Array]:
-        """Active tensions (s, k) and load factors (s, l) at times; refuses what is not a number."""
+        """What drive adds to tensions (s, k) and load factors (s, l) at times; refuses what is not a number."""
         drive = np.array([self.drive(float(t)) for t in times], dtype=float)
         bad = np.flatnonzero(~(np.isfinite(drive) & (drive >= -1e-9)))
         if len(bad):
@@ -252,7 +254,7 @@ class _Run:
         if not np.isfinite(factors).all():
             t = times[np.flatnonzero(~np.isfinite(factors).all(axis=1))[0]]
             raise ModelError(f"dynamics: history of a load: not a finite number at {t:g} s, expected one at every time")
-        return self.pull_from + drive[:, None] * self.pull_by, factors
+        return drive[:, None] * self.pull_by, factors
 
     def go(self, count: int) -> None:
         """`count` steps; one that fails is halved as often as it takes."""

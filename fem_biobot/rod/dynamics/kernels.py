@@ -103,7 +103,10 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
         return -1.0, 0.0
     rate = 1.0 / h
     resultants(assembly, state.strain, work.strain, theta, rate, s)
-    tensions(assembly.members, state.lengths, work.lengths, theta, rate, pull, tension)
+    tensions(
+        assembly.members, assembly.activation, state.lengths, work.lengths, theta, rate, pull, tension, work.active,
+        work.slopes,
+    )  # fmt: skip
     clear(force)
     add_all_forces(assembly, work.xm, work.Qm, s, tension, load_factor, 1.0, force)
     scale = h * add_drag(assembly.drag, work.Qm, work.vm, force)
@@ -151,8 +154,8 @@ def factorise(assembly, system, h, theta, load_factor, work):
     for e in range(work.gain.shape[0]):
         work.gain[e] = 1.0 + rate * assembly.damping[e] / theta
     add_stiffness(
-        assembly, system, work.xm, work.Qm, work.s, work.gain, work.tension, work.lengths, 1.0, rate / theta,
-        load_factor, theta * theta * h * h, blocks,
+        assembly, system, work.xm, work.Qm, work.s, work.gain, work.tension, work.slopes, work.lengths, 1.0,
+        rate / theta, load_factor, theta * theta * h * h, blocks,
     )  # fmt: skip
     g = theta * h
     add_drag_tangents(assembly.drag, inertia.held, system.plan.diagonal, work.Qm, work.vm, g, g * g, blocks)
@@ -215,9 +218,10 @@ def try_step(
 ):
     """Try one step of length `h` from `state`; its end goes to `work`.
 
-    `pull` (k,) [mN] and `load_factor` (l,) are averages over the step; `arm` [mm] makes moments comparable with forces;
-    `fresh` tells that the factors in `work.blocks` belong to this `h`. Returns the outcome, iterations, factorisations
-    and residual. `calls` are `factorise` and `solve_friction` by address.
+    `pull` (k,), what drive adds to the members' tension [mN], and `load_factor` (l,) are averages over the step; `arm`
+    [mm] makes moments comparable with forces; `fresh` tells that the factors in `work.blocks` belong to this `h`.
+    Returns the outcome, iterations, factorisations and residual. `calls` are `factorise` and `solve_friction` by
+    address.
     """
     held = assembly.inertia.held
     rhs, free, column, v1 = work.rhs, work.free, work.column, work.v1
@@ -329,5 +333,5 @@ def implicit_run(
         if outcome != CONVERGED:
             return i, outcome, iterations, factorisations, worst
         worst = max(worst, residual)
-        calls.accept(assembly, system, state, h, theta, pull, factors, work, book, tally)
+        calls.accept(assembly, system, state, h, theta, factors, work, book, tally)
     return pulls.shape[0] - 1, CONVERGED, iterations, factorisations, worst

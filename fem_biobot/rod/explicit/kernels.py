@@ -174,7 +174,10 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
             outcome = WOUND
             break
         resultants(assembly, state.strain, work.strain, 1.0, 1.0 / h, work.s)
-        tensions(assembly.members, state.lengths, work.lengths, 1.0, 1.0 / h, pull, work.tension)
+        tensions(
+            assembly.members, assembly.activation, state.lengths, work.lengths, 1.0, 1.0 / h, pull, work.tension,
+            work.active, work.slopes,
+        )  # fmt: skip
         clear(force)
         add_all_forces(assembly, xm, Qm, work.s, work.tension, factors, 1.0, force)
         if dragged:
@@ -248,7 +251,7 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
                 vm[i, a] = 0.5 * (vm[i, a] + v1[i, a])
         enter_contacts(work.ends, work.rows, work.p, state.touch, vm, h, book, tally)
         clear(column)
-        add_member_forces(assembly.members, xm, Qm, pull, column)
+        add_member_forces(assembly.members, xm, Qm, work.active, column)
         book[3] += h * power_of(column, vm)
         clear(column)
         add_loads(assembly.loads, factors, Qm, column)

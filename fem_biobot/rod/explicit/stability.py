@@ -32,7 +32,7 @@ _ROUNDS = 20
 
 
 def longest_step(assembly: Assembly, system: System, state: State, pull: Array, wanted: float) -> float:
-    """Limit of the step at a state with the active tensions `pull` (k,) [s]; `wanted` if that is below it."""
+    """Limit of the step at a state with `pull` added by the drive (k,) [s]; `wanted` if that is below it."""
     step = wanted
     if not len(assembly.damping) and not len(assembly.members.law) and not len(assembly.drag.node):
         return step
@@ -69,13 +69,14 @@ def _operator(
     """Product with the symmetric part of ``h^2 M^-1/2 K M^-T/2`` of the free motions; `damping` is a factor on that."""
     n, m, k = len(state.x), len(assembly.damping), len(assembly.members.law)
     strain, lengths, s, tension = np.zeros((m, 6)), np.zeros(k), np.zeros((m, 6)), np.zeros(k)
+    slopes = np.zeros((k, 2))
     measure(assembly, state.x, state.Q, strain, lengths)
     resultants(assembly, strain, strain, 1.0, 0.0, s)
-    tensions(assembly.members, lengths, lengths, 1.0, 0.0, pull, tension)
+    tensions(assembly.members, assembly.activation, lengths, lengths, 1.0, 0.0, pull, tension, np.zeros(k), slopes)
     rate = 2.0 * damping / h
     blocks = np.zeros((system.n_blocks, 6, 6))
     add_stiffness(
-        assembly, system, state.x, state.Q, s, 1.0 + rate * assembly.damping, tension, lengths, 1.0, rate,
+        assembly, system, state.x, state.Q, s, 1.0 + rate * assembly.damping, tension, slopes, lengths, 1.0, rate,
         np.zeros(len(assembly.loads.node)), h * h, blocks,
     )  # fmt: skip
     add_drag_tangents(

@@ -45,7 +45,7 @@ def enter_damping(assembly, h, before, after, lengths_before, lengths_after, boo
 
 
 @njit(**BY_ADDRESS)
-def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tally):
+def accept(assembly, system, state, h, theta, load_factor, work, book, tally):
     """Take over the end of a converged step; enter energies into `book` (see `dynamics.arrays.BOOK`) and `tally`."""
     inertia = assembly.inertia
     n = inertia.mass.shape[0]
@@ -67,7 +67,7 @@ def accept(assembly, system, state, h, theta, pull, load_factor, work, book, tal
             vm[i, c] = theta * v1[i, c] + (1.0 - theta) * v0[i, c]
     book[9] -= (theta - 0.5) * lost
     clear(column)
-    add_member_forces(assembly.members, work.xm, work.Qm, pull, column)
+    add_member_forces(assembly.members, work.xm, work.Qm, work.active, column)
     book[3] += h * power_of(column, vm)
     clear(column)
     add_loads(assembly.loads, load_factor, work.Qm, column)

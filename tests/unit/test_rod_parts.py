@@ -204,9 +204,9 @@ def test_contact_rows_are_the_derivative_of_the_gap(
     x, Q, step = _nodes()
 
     def gap(eps: float) -> Array:
-        return np.array([[kernels.contact(contacts, 0, *_after(x, Q, eps * step), axes, 0.3, np.empty((3, 6)))]])
+        return np.array([[kernels.contact(contacts, 0, *_after(x, Q, eps * step), axes, 0.3, np.empty((3, 1, 6)))]])
 
-    rows = np.empty((3, 6))
+    rows = np.empty((3, 1, 6))
     kernels.contact(contacts, 0, x, Q, axes, 0.3, rows)
-    np.testing.assert_allclose(taylor_slope(gap, np.array([[rows[0] @ step[1]]])), 2.0, atol=0.1)
-    np.testing.assert_allclose(rows[:, :3], axes, rtol=1e-15)
+    np.testing.assert_allclose(taylor_slope(gap, np.array([[rows[0, 0] @ step[1]]])), 2.0, atol=0.1)
+    np.testing.assert_allclose(rows[:, 0, :3], axes, rtol=1e-15)

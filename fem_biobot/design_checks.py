@@ -29,6 +29,8 @@ _PARTS = frozenset((*_PILLARS, *_RING, *_JUNCTION, *_OPTIONAL, "muscle.junction_
 # Smallest clearance worth meshing, relative to the beam's thickness: what only rounding separates is in touch.
 _TOUCH = 1e-6
 _MOST_PILLARS = 100
+# nearer to 0.5 the displacement element only rarely finds an equilibrium
+_MOST_POISSON = 0.499
 
 
 def needed_keys(design: Design) -> tuple[str, ...]:
@@ -57,6 +59,7 @@ def check_fit(design: Design) -> None:
     _check_sections(design)
     _check_parts(design)
     _check_times_and_friction(design)
+    _check_element(design)
     if design.kind == "bot" and design.skeleton is not None and design.muscle is not None:
         _check_skeleton(design, design.skeleton)
         _check_muscle(design, design.skeleton, design.muscle)
@@ -125,6 +128,16 @@ def _check_times_and_friction(design: Design) -> None:
             f"numerics.step: found {format_quantity(step, 's')}, "
             f"expected at most drive.duration ({format_quantity(drive.duration, 's')})"
         )
+
+
+def _check_element(design: Design) -> None:
+    for name in ("skeleton", "muscle"):
+        part = getattr(design, name)
+        if part is not None and part.material.poisson > _MOST_POISSON and design.mesh.element == "P2":
+            raise DesignError(
+                f"{name}.material.poisson: found {part.material.poisson:.12g}, expected between 0 and "
+                f'{_MOST_POISSON:g} with mesh.element "P2", which locks nearer to 0.5; mesh.element "P2-P1" does not'
+            )
 
 
 def _check_skeleton(design: Design, skeleton: Skeleton) -> None:

@@ -59,7 +59,7 @@ Fraction = Annotated[float, Quantity("1", 0.0, 1.0)]
 Coefficient = Annotated[float, Quantity("1", 0.0)]
 Poisson = Annotated[
     float,
-    Quantity("1", 0.0, 0.499, note="nearer to 0.5 the displacement element locks; that needs the mixed element"),
+    Quantity("1", 0.0, 0.5),
 ]
 Spread = Annotated[float, Quantity("rad", 0.0, 0.0, note="dispersion of the fibres is not modelled yet")]
 
@@ -70,7 +70,7 @@ Reference = Literal["as_moulded", "remodelled"]
 Convention = Literal["nominal"]
 Waveform = Literal["abs_sine", "constant"]
 Immersion = Literal["air", "submerged"]
-Element = Literal["P2"]
+Element = Literal["P2", "P2-P1"]
 
 
 class Record(BaseModel, frozen=True, extra="forbid", strict=True):
@@ -161,7 +161,10 @@ class MeshSettings(Record, frozen=True):
     """How the body is divided."""
 
     size: PositiveLength = Field(description="Edge length asked of the mesh generator away from refinement [mm]")
-    element: Element = Field(default="P2", description="P2: quadratic tetrahedra, displacement only")
+    element: Element = Field(
+        default="P2",
+        description="P2: quadratic tetrahedra, displacement only; P2-P1: with a linear pressure, for ratios up to 0.5",
+    )
 
 
 class Numerics(Record, frozen=True):

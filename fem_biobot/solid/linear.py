@@ -1,8 +1,13 @@
 """Linear algebra of the solid: symmetric factorisation with its analysis kept, and conjugate gradients on top of it.
 
 PARDISO (Intel MKL, loaded through pypardiso) factors the upper triangle as it is assembled, after one analysis per
-pattern; its refusal of a matrix that is not positive definite is handed on as `NotPositiveDefinite`. Elsewhere SuperLU
-factors the full matrix; it cannot tell definiteness, which conjugate gradients then notice.
+pattern; its refusal of a matrix that is not positive definite is handed on as `NotPositiveDefiniteError`. The matrix of
+the mixed form is a saddle point's: there it factors with symmetric pivots and counts the negative ones. Elsewhere
+SuperLU factors the full matrix with pivots on the diagonal, whose signs say the same (Sylvester's law of inertia).
+
+What was measured for the saddle point at 65 000 unknowns, one factorisation of the displacement form being 1: symmetric
+indefinite factorisation 1.3; minimal residuals preconditioned by the positive definite factor of the body at a
+Poisson's ratio of 0.45 and the pressures' mass matrix, 28 iterations to 1e-3 and 74 to 1e-8, 2 and 5 beside the factor.
 """
 
 from __future__ import annotations
@@ -19,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from fem_biobot.solid.kernels import add_scaled, advance, inner_product, symmetric_product
+from fem_biobot.solid.kernels import add_scaled, add_to, advance, inner_product, symmetric_product
 from fem_biobot.solid.pattern import Pattern
 
 Array = NDArray[np.float64]
@@ -30,9 +35,13 @@ class NotPositiveDefiniteError(Exception):
 
 
 class Factorisation(Protocol):
-    """A factorisation that can be renewed for new values on the same pattern."""
+    """A factorisation that can be renewed for new values on the same pattern.
+
+    `negative_pivots` of the latest matrix are as many as its negative eigenvalues.
+    """
 
     name: str
+    negative_pivots: int
 
     def factor(self, data: Array) -> None:
         """Factor the matrix with these upper-triangle values; may raise `NotPositiveDefiniteError`."""
@@ -44,12 +53,16 @@ class Factorisation(Protocol):
 
 
 class Pardiso:
-    """Cholesky factorisation by MKL's PARDISO, one analysis for the life of the object."""
+    """Factorisation by MKL's PARDISO, one analysis for the life of the object.
 
-    name = "PARDISO (MKL), symmetric positive definite"
+    Cholesky's for displacements alone; with pressures ``L D L^T`` with pivots of one or two rows.
+    """
 
     def __init__(self, pattern: Pattern) -> None:
         self._call = _mkl_pardiso()
+        self._kind = -2 if pattern.n_pressures else 2
+        self.name = f"PARDISO (MKL), symmetric {'indefinite' if pattern.n_pressures else 'positive definite'}"
+        self.negative_pivots = 0
         self._pattern = pattern
         self._pt = np.zeros(64, dtype=np.int64)
         iparm = np.zeros(64, dtype=np.int32)
@@ -57,6 +70,7 @@ class Pardiso:
         iparm[1] = 2  # nested dissection by METIS
         iparm[9] = 8  # pivot perturbation 1e-8 (unused for a definite matrix)
         iparm[17] = -1  # report the fill
+        iparm[20] = 1  # pivots of one or two rows (Bunch and Kaufman) where indefinite
         iparm[23] = 1  # two-level factorisation, scales on few threads
         iparm[34] = 1  # zero-based indices
         self._iparm = iparm
@@ -74,7 +88,7 @@ class Pardiso:
         n = self._pattern.n_dofs
         self._call(
             self._pt.ctypes.data_as(ctypes.POINTER(ctypes.c_int64)),
-            ctypes.byref(int32(1)), ctypes.byref(int32(1)), ctypes.byref(int32(2)), ctypes.byref(int32(phase)),
+            ctypes.byref(int32(1)), ctypes.byref(int32(1)), ctypes.byref(int32(self._kind)), ctypes.byref(int32(phase)),
             ctypes.byref(int32(n)),
             at(data),
             self._pattern.starts.ctypes.data_as(ctypes.POINTER(int32)),
@@ -99,6 +113,7 @@ class Pardiso:
         if error:
             raise MemoryError(f"PARDISO: factorisation failed with code {error}")
         self._data = data
+        self.negative_pivots = int(self._iparm[22])
 
     def solve(self, b: Array) -> Array:
         """Solve with the latest factor."""
@@ -122,9 +137,10 @@ class SuperLU:
     def __init__(self, pattern: Pattern) -> None:
         self._pattern = pattern
         self._lu: Any = None
+        self.negative_pivots = 0
 
     def factor(self, data: Array) -> None:
-        """Factor the full matrix."""
+        """Factor the full matrix; raises `NotPositiveDefiniteError` where a matrix of displacements alone is not."""
         p = self._pattern
         upper = sparse.csr_matrix((data, p.columns, p.starts), shape=(p.n_dofs, p.n_dofs))
         full = (upper + sparse.triu(upper, 1).T).tocsc()
@@ -132,6 +148,12 @@ class SuperLU:
             self._lu = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError:
             raise NotPositiveDefiniteError from None
+        # a pivot off the diagonal replaces one that vanishes: no stable equilibrium either
+        if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
+            raise NotPositiveDefiniteError
+        self.negative_pivots = int(np.sum(self._lu.U.diagonal() < 0.0))
+        if self.negative_pivots and not p.n_pressures:
+            raise NotPositiveDefiniteError
 
     def solve(self, b: Array) -> Array:
         """Solve with the latest factor."""
@@ -215,3 +237,47 @@ def conjugate_gradients(
         rz, before = inner_product(r, z), rz
         add_scaled(z, rz / before, p)
     return x, max_iterations, False
+
+
+def minimal_residuals(
+    pattern: Pattern,
+    data: Array,
+    b: Array,
+    precondition: Callable[[Array], Array],
+    *,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Array, int, bool]:
+    """Generalised minimal residuals (Saad and Schultz 1986) from zero, preconditioned on the right.
+
+    For the symmetric indefinite matrix of the mixed form, whose preconditioner, the factor of a near matrix, is
+    indefinite too. Keeps two vectors an iteration, so it is for few. Parameters and results as those of
+    `conjugate_gradients`.
+    """
+    size = float(np.sqrt(inner_product(b, b)))
+    if size == 0.0:
+        return np.zeros_like(b), 0, True
+    basis, directions = [b / size], []
+    H = np.zeros((max_iterations + 1, max_iterations))
+    target = np.zeros(max_iterations + 1)
+    target[0] = size
+    weights = np.zeros(0)
+    reached = False
+    for k in range(max_iterations):
+        directions.append(precondition(basis[k]))
+        w = np.empty_like(b)
+        symmetric_product(pattern.starts, pattern.columns, data, directions[k], w)
+        for i in range(k + 1):
+            H[i, k] = inner_product(basis[i], w)
+            add_to(w, -H[i, k], basis[i])
+        H[k + 1, k] = np.sqrt(inner_product(w, w))
+        weights, *_ = np.linalg.lstsq(H[: k + 2, : k + 1], target[: k + 2], rcond=None)
+        rest = float(np.linalg.norm(target[: k + 2] - H[: k + 2, : k + 1] @ weights))
+        reached = rest <= tolerance * size
+        if reached or H[k + 1, k] <= np.finfo(float).eps * size:
+            break
+        basis.append(w / H[k + 1, k])
+    x = np.zeros_like(b)
+    for weight, direction in zip(weights, directions, strict=True):
+        add_to(x, float(weight), direction)
+    return x, len(directions), reached

@@ -12,7 +12,7 @@ from skfem.refdom import RefTet, RefTri
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.records import Array, BodyForce, Traction, numbers
-from fem_biobot.solid.space import Element, Space
+from fem_biobot.solid.space import Space
 
 # loads given as functions deserve a rule well above the degree of the basis
 _DEGREE = 6
@@ -54,7 +54,7 @@ def _add_traction(mesh: BodyMesh, body: Space, load: Traction, force: Array) -> 
     triangles = mesh.surfaces[load.surface]
     nodes = body.surface_nodes(triangles)
     local, weights = get_quadrature(RefTri, _DEGREE)
-    shape = skfem.ElementTriP2() if body.element is Element.P2 else skfem.ElementTriP1()
+    shape = skfem.ElementTriP2() if body.quadratic else skfem.ElementTriP1()
     N = np.stack([np.broadcast_to(shape.lbasis(local, b)[0], weights.shape) for b in range(len(nodes))])
     corners = mesh.points[:, triangles]  # (3, 3, f)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
@@ -70,7 +70,7 @@ def _add_body_force(mesh: BodyMesh, body: Space, load: BodyForce, force: Array) 
         raise ModelError(f"body force: found region {load.region!r}, expected one of {', '.join(mesh.regions)}")
     elements = np.arange(body.nodes.shape[1]) if load.region is None else mesh.regions[load.region]
     local, weights = get_quadrature(RefTet, _DEGREE)
-    shape = skfem.ElementTetP2() if body.element is Element.P2 else skfem.ElementTetP1()
+    shape = skfem.ElementTetP2() if body.quadratic else skfem.ElementTetP1()
     N = np.stack([np.broadcast_to(shape.lbasis(local, b)[0], weights.shape) for b in range(len(body.nodes))])
     corners = mesh.points[:, mesh.cells[:, elements]]  # (3, 4, e)
     X = np.einsum("ibe,bq->ieq", corners, np.stack([1.0 - local.sum(axis=0), *local]))

@@ -178,7 +178,7 @@ class Measurer:
         Negative while the tissue is pressed together by its own tension; zero where tissue has remodelled.
         """
         system = self.model.system
-        passive = system.points(state.F, 0.0, moduli=False)
+        passive = system.points(state.F, 0.0, state.pressure, moduli=False)
         inside = self._middle_fifth > 0.0
         F, volumes = state.F[:, :, inside], self._middle_fifth[inside]
         S = passive.S[:, inside]

@@ -6,9 +6,10 @@ solution = solve(model, steps=[0.5, 1.0])
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,15 +17,14 @@ import numpy as np
 
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.material.active import ActiveStress
-from fem_biobot.material.active_strain import ActiveStrain
 from fem_biobot.material.law import Array, Law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.held import place_nodes
-from fem_biobot.solid.newton import Counts, Equilibrium, LinearSolver, NewtonSettings
+from fem_biobot.solid.newton import Counts, Equilibrium, LinearSolver, NewtonSettings, Trial
 from fem_biobot.solid.path import PathFailedError, equilibria
 from fem_biobot.solid.records import BodyForce, Fix, Step, Symmetry, Traction, as_step
-from fem_biobot.solid.space import Element, Ints
-from fem_biobot.solid.system import Points, System, assemble_system
+from fem_biobot.solid.space import Element, Ints, LockingWarning
+from fem_biobot.solid.system import Points, System, assemble_system, with_laws
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -52,7 +52,13 @@ class SolidModel:
     Raises
     ------
     ModelError
-        Where a part names something that the mesh does not have, or the supports leave a rigid motion free.
+        Where a part names something that the mesh does not have, the supports leave a rigid motion free, or a law asks
+        for another element.
+
+    Warns
+    -----
+    LockingWarning
+        Where a region's Poisson's ratio is above what the element bears; `system.notes` has the same texts.
     """
 
     mesh: BodyMesh
@@ -68,7 +74,8 @@ class SolidModel:
         object.__setattr__(self, "loads", tuple(self.loads))
         object.__setattr__(self, "materials", dict(self.materials))
         object.__setattr__(self, "active", dict(self.active))
-        _ = self.system  # refuse now what does not fit
+        for note in self.system.notes:  # refuses now what does not fit
+            warnings.warn(note, LockingWarning, stacklevel=3)
 
     @classmethod
     def from_design(cls, design: Design, mesh: BodyMesh) -> SolidModel:
@@ -90,20 +97,13 @@ class SolidModel:
             raise ModelError(f"materials: found {', '.join(materials)}, expected {', '.join(self.materials)}")
         changed = copy(self)
         object.__setattr__(changed, "materials", dict(materials))
-        laws = tuple(
-            (materials[name], elements) for name, (_, elements) in zip(self.materials, self.system.laws, strict=True)
-        )
-        # active strain contracts the passive law itself
-        contractions = tuple(
-            replace(c, law=c.law.over(materials[name])) if isinstance(c.law, ActiveStrain) else c
-            for name, c in zip(self.active, self.system.contractions, strict=True)
-        )
-        changed.__dict__["system"] = replace(self.system, laws=laws, contractions=contractions)
+        ordered = {name: materials[name] for name in self.materials}
+        changed.__dict__["system"] = with_laws(self.system, self.mesh, ordered, self.active)
         return changed
 
     @property
     def n_dofs(self) -> int:
-        """Displacement unknowns, held ones included."""
+        """Unknowns: displacements, held ones included, and pressures."""
         return self.system.n_dofs
 
 
@@ -119,6 +119,8 @@ class SolidState:
         Load and tension factors.
     u
         Displacement of the nodes, vertices first, (3, n) [mm].
+    pressure
+        Pressures of the mixed form, positive in tension, (m,) [kPa], zero if left out; see `pressure_points`.
     residual
         Norm of the residual over the force scale [1].
     newton_iterations, factorisations, cg_iterations
@@ -132,6 +134,7 @@ class SolidState:
     newton_iterations: int = 0
     factorisations: int = 0
     cg_iterations: int = 0
+    pressure: Array | None = None
 
     @property
     def X(self) -> Array:
@@ -143,6 +146,12 @@ class SolidState:
         """Nodes of each element in VTK's order for quadratic tetrahedra, (10, e)."""
         return self.model.system.space.nodes
 
+    @property
+    def pressure_points(self) -> Array:
+        """Reference positions of the pressures, region by region, (3, m) [mm]; none but in the mixed form."""
+        mixed = self.model.system.mixed
+        return self.X[:, mixed.field.vertex] if mixed else np.zeros((3, 0))
+
     @cached_property
     def F(self) -> Array:
         """Deformation gradient at the quadrature points, (3, 3, e, q) [1]."""
@@ -151,7 +160,7 @@ class SolidState:
     @cached_property
     def points(self) -> Points:
         """Stress and energy of passive laws and active tension together, at the quadrature points (no moduli)."""
-        return self.model.system.points(self.F, self.step.tension, moduli=False)
+        return self.model.system.points(self.F, self.step.tension, self.pressure, moduli=False)
 
     @cached_property
     def internal_force(self) -> Array:
@@ -170,7 +179,7 @@ class SolidState:
     @cached_property
     def energy(self) -> float:
         """Passive strain energy of the whole body [uJ]; the muscle's work is a separate number."""
-        passive = self.model.system.points(self.F, 0.0, moduli=False)
+        passive = self.model.system.points(self.F, 0.0, self.pressure, moduli=False)
         return float(np.sum(passive.psi * self.model.system.space.dV))
 
     def reaction(self, where: str | tuple[float, float, float]) -> Array:
@@ -243,7 +252,9 @@ class SolidSolution:
 
 def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> LinearSolver:
     """A linear solver that several calls of `solve` can share."""
-    return LinearSolver(model.system.pattern, settings or NewtonSettings())
+    mixed = model.system.mixed
+    steadying = (mixed.compliance_places, mixed.steadying) if mixed else None
+    return LinearSolver(model.system.pattern, settings or NewtonSettings(), steadying=steadying)
 
 
 StateObserver = Callable[[str, dict[str, float]], None]
@@ -255,7 +266,7 @@ def solve(
     *,
     settings: NewtonSettings | None = None,
     start: Sequence[SolidState] = (),
-    trial: tuple[Array, Array | None] | None = None,
+    trial: tuple[Array, Array | None] | tuple[Array, Array | None, Array | None] | None = None,
     observe: StateObserver | None = None,
     on_state: Callable[[SolidState], None] | None = None,
     solver: LinearSolver | None = None,
@@ -274,7 +285,8 @@ def solve(
         undeformed body.
     trial
         Displacement (3, n) [mm] and, if known, point stress (6, e, q) [kPa] from which the first step begins, without
-        predictor or subdivision; for paths in a parameter of one's own.
+        predictor or subdivision; for paths in a parameter of one's own. With the pressures (m,) [kPa] in the mixed
+        form.
     observe
         Called with ``"iteration"`` (iteration, residual) and ``"halved"`` (load, tension).
     on_state
@@ -307,7 +319,7 @@ def solve(
         return SolidSolution(tuple(states), c.factorisations, c.newton, c.cg, solver.name, halvings)
 
     history = [_equilibrium(system, s) for s in start]
-    first = None if trial is None else (np.ascontiguousarray(trial[0].T), trial[1])
+    first = None if trial is None else Trial(np.ascontiguousarray(trial[0].T), *trial[1:])
     try:
         for state, work in equilibria(system, solver, wanted, settings, watch, history, first):
             states.append(_state(model, state, work))
@@ -321,13 +333,21 @@ def solve(
 
 def _state(model: SolidModel, found: Equilibrium, work: Counts) -> SolidState:
     return SolidState(
-        model, found.step, np.ascontiguousarray(found.u.T), found.residual, work.newton, work.factorisations, work.cg
+        model,
+        found.step,
+        np.ascontiguousarray(found.u.T),
+        found.residual,
+        work.newton,
+        work.factorisations,
+        work.cg,
+        found.p if model.system.mixed else None,
     )
 
 
 def _equilibrium(system: System, state: SolidState) -> Equilibrium:
+    p = np.zeros(system.n_pressures) if state.pressure is None else state.pressure
     return Equilibrium(
-        state.step, np.ascontiguousarray(state.u.T), state.points, state.internal_force.T, state.residual, 0
+        state.step, np.ascontiguousarray(state.u.T), p, state.points, state.internal_force.T, state.residual, 0
     )
 
 

@@ -3,20 +3,27 @@
 Plain Newton zigzags on thin soft parts: each linear step turns the strip and leaves a spurious quadratic membrane
 stress in the next tangent. Here the geometric part of the tangent uses the second Piola stress extrapolated linearly
 from the last iterate, while the residual stays exact (the mixed integration point method of Magisano, Leonetti and
-Garcea 2017, in its displacement form). The limit is the same, so convergence is still quadratic.
+Garcea 2017, in its displacement form). The limit is the same, so convergence is still quadratic. The pressure of the
+mixed form is an unknown like the displacement; its change is carried into the stress in the same way.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from fem_biobot.material.kernels import extrapolated_stress
 from fem_biobot.material.law import Array
-from fem_biobot.solid.linear import Factorisation, NotPositiveDefiniteError, conjugate_gradients, factorisation
-from fem_biobot.solid.pattern import Pattern
+from fem_biobot.solid.linear import (
+    Factorisation,
+    NotPositiveDefiniteError,
+    conjugate_gradients,
+    factorisation,
+    minimal_residuals,
+)
+from fem_biobot.solid.pattern import Ints, Pattern
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.system import InvertedError, Points, System
 
@@ -49,6 +56,9 @@ class NewtonSettings:
 _NEAR = 1e-4
 
 
+# compliance beside that of the pressures, in shear moduli, with which the matrix of the mixed form is factored: the
+# factor then solves it to about this, and rounding, which grows as its inverse, stays far below
+_STEADY = 1e-6
 # the residual cannot fall below this many times what rounding leaves of the stresses
 _ROUNDING = 4.0
 
@@ -80,11 +90,21 @@ class LinearSolver:
 
     The first tangent of a step, at the predictor, is factored; its factor preconditions conjugate gradients on the
     later tangents of the step, which differ little from it.
+
+    With pressures the matrix is that of a saddle point: symmetric, with as many negative eigenvalues as pressures where
+    the equilibrium is stable. Then a matrix is factored that differs from it by very little compliance, so that no
+    pivot vanishes however incompressible the body is, and minimal residuals take the place of conjugate gradients.
+
+    Parameters
+    ----------
+    steadying
+        Places in the matrix and what is added there before it is factored; with pressures only.
     """
 
     pattern: Pattern
     settings: NewtonSettings
     counts: Counts = field(default_factory=Counts)
+    steadying: tuple[Ints, Array] | None = None
     _factor: Factorisation | None = None
     _usable: bool = False
 
@@ -103,28 +123,46 @@ class LinearSolver:
         self._usable = False
 
     def factor(self, data: Array) -> None:
-        """Factor a tangent; raises `NotPositiveDefiniteError`."""
+        """Factor a tangent; raises `NotPositiveDefiniteError` where the equilibrium it belongs to is not stable."""
         self._usable = False
-        self._renewable().factor(data)
+        factor = self._renewable()
+        if self.steadying is not None:
+            places, values = self.steadying
+            data = data.copy()
+            data[places] += _STEADY * values
+        factor.factor(data)
         self.counts.factorisations += 1
+        if factor.negative_pivots != self.pattern.n_pressures:
+            raise NotPositiveDefiniteError
         self._usable = True
 
     def solve(self, data: Array, b: Array, tolerance: float) -> Array:
         """Solve with the tangent's upper triangle; raises `NotPositiveDefiniteError`."""
-        factor = self._renewable()
         if self._usable:
             try:
-                x, used, reached = conjugate_gradients(
-                    self.pattern, data, b, factor.solve, tolerance=tolerance, max_iterations=self.settings.max_cg
-                )
+                x, reached = self._iterate(data, b, tolerance)
             except NotPositiveDefiniteError:
                 # the old factor may mislead: let the new one decide
-                reached, used, x = False, 0, b
-            self.counts.cg += used
+                reached, x = False, b
             if reached:
                 return x
         self.factor(data)
-        return factor.solve(b)
+        if self.pattern.n_pressures:
+            return self._iterate(data, b, tolerance)[0]
+        return self._renewable().solve(b)
+
+    def _iterate(self, data: Array, b: Array, tolerance: float) -> tuple[Array, bool]:
+        method = minimal_residuals if self.pattern.n_pressures else conjugate_gradients
+        x, used, reached = method(
+            self.pattern,
+            data,
+            b,
+            self._renewable().solve,
+            tolerance=tolerance,
+            max_iterations=self.settings.max_cg,
+        )
+        self.counts.cg += used
+        return x, reached
 
 
 @dataclass(frozen=True)
@@ -133,10 +171,29 @@ class Equilibrium:
 
     step: Step
     u: Array
+    p: Array
     points: Points
     force: Array
     residual: float
     newton_iterations: int
+
+
+class Trial(NamedTuple):
+    """Where an iteration begins.
+
+    Attributes
+    ----------
+    u
+        Displacement, (n, 3) [mm].
+    S
+        Stress for the first geometric stiffness, (6, e, q) [kPa]; None takes the stress of the trial itself.
+    p
+        Pressures of the mixed form, (m,) [kPa]; zero by default.
+    """
+
+    u: Array
+    S: Array | None = None
+    p: Array | None = None
 
 
 Observer = Callable[[str, dict[str, float]], None]
@@ -146,18 +203,15 @@ def newton(
     system: System,
     solver: LinearSolver,
     step: Step,
-    u: Array,
-    S_carried: Array | None,
+    trial: Trial,
     scale: float,
     settings: NewtonSettings,
     observe: Observer,
 ) -> tuple[Equilibrium, float]:
-    """Equilibrium at `step` from the trial displacement `u`, (n, 3) [mm].
+    """Equilibrium at `step` from a trial.
 
     Parameters
     ----------
-    S_carried
-        Stress for the first geometric stiffness, (6, e, q) [kPa]; None takes the stress of the trial state.
     scale
         Largest force scale met so far on the path [mN]; the scale met here is returned with the state.
 
@@ -168,25 +222,25 @@ def newton(
     """
     held = system.held
     f_ext = step.load * system.dead_load
-    u = u.copy()
-    points = _points(system, u, step)
-    S_geo = points.S if S_carried is None else S_carried
+    u = trial.u.copy()
+    p = np.zeros(system.n_pressures) if trial.p is None else trial.p.copy()
+    points = _points(system, u, p, step)
+    S_geo = points.S if trial.S is None else trial.S
     lift = step.load * held.values - system.to_local(u).ravel()[held.dofs]
     lifting = bool(np.any(np.abs(lift) > 0.0))
     last = norm = np.inf
     first = None
     for iteration in range(settings.max_iterations + 1):
         force, magnitude = system.internal_force(points)
-        r = system.to_local(force - f_ext).ravel()
+        free = system.residual(points, force, f_ext)
         scale = max(scale, float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
-        free = r.copy()
         free[held.dofs] = 0.0
         norm = float(np.linalg.norm(free))
         observe("iteration", {"iteration": iteration, "residual": norm / scale if scale else 0.0})
         if not np.isfinite(norm):
             raise StepFailedError("the residual is not a number")
         if norm <= max(settings.tolerance * scale, _ROUNDING * system.rounding_force) and not lifting:
-            return Equilibrium(step, u, points, force, norm / scale if scale else 0.0, iteration), scale
+            return Equilibrium(step, u, p, points, force, norm / scale if scale else 0.0, iteration), scale
         if iteration == settings.max_iterations:
             break
         # a trial close to equilibrium has a tangent close to the one factored last
@@ -198,12 +252,12 @@ def newton(
             first = norm
         elif norm > 1e4 * max(first, settings.tolerance * scale):
             raise StepFailedError(f"the residual grows (to {norm / scale:.2g} of the force scale)")
-        data = system.tangent(points.F, S_geo, points.D)
+        data = system.matrix(points, S_geo)
         b = -free
         if lifting:
             full = np.zeros(system.n_dofs)
             full[held.dofs] = lift
-            b -= system.product(data, full).ravel()
+            b -= system.product(data, full)
         system.block(data)
         if lifting:
             b[held.dofs] = data[system.diagonal] * lift
@@ -221,12 +275,12 @@ def newton(
             ) from None
         last = np.inf if lifting else norm
         lifting = False
-        change = system.to_global(delta.reshape(-1, 3))
-        F_next = system.deformation_gradient(u + change)
-        S_geo = np.empty_like(points.S)
-        extrapolated_stress(points.F, F_next, points.S, points.D, S_geo)
+        change, change_p = system.parts(delta)
         u += change
-        points = _points(system, u, step, F_next)
+        p += change_p
+        F_next = system.deformation_gradient(u)
+        S_geo = system.carry(points, F_next, change_p)
+        points = _points(system, u, p, step, F_next)
     raise StepFailedError(
         f"no convergence in {settings.max_iterations} iterations (residual {norm / scale:.2g} of the force scale)"
     )
@@ -234,7 +288,7 @@ def newton(
 
 def refuse_unstable(system: System, solver: LinearSolver, state: Equilibrium) -> None:
     """Refuse a converged state whose tangent is not positive definite; raises `StepFailedError`."""
-    data = system.tangent(state.points.F, state.points.S, state.points.D)
+    data = system.matrix(state.points, state.points.S)
     system.block(data)
     try:
         solver.factor(data)
@@ -242,8 +296,8 @@ def refuse_unstable(system: System, solver: LinearSolver, state: Equilibrium) ->
         raise StepFailedError("the equilibrium found is not stable (its tangent is not positive definite)") from None
 
 
-def _points(system: System, u: Array, step: Step, F: Array | None = None) -> Points:
+def _points(system: System, u: Array, p: Array, step: Step, F: Array | None = None) -> Points:
     try:
-        return system.points(system.deformation_gradient(u) if F is None else F, step.tension)
+        return system.points(system.deformation_gradient(u) if F is None else F, step.tension, p)
     except InvertedError as error:
         raise StepFailedError(str(error)) from None

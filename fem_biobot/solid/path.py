@@ -1,6 +1,6 @@
 """A path of load steps: predictor, subdivision of long steps, halving of steps that fail, and the outcome.
 
-The predictor extrapolates the last states quadratically in the path's parameter, the displacement AND the point
+The predictor extrapolates the last states quadratically in the path's parameter, displacement, pressure AND the point
 stresses: extrapolating the displacement alone leaves a strip full of spurious membrane stress and is worse than none.
 """
 
@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem_biobot.material.law import Array
 from fem_biobot.solid.newton import (
     Counts,
     Equilibrium,
@@ -19,6 +18,7 @@ from fem_biobot.solid.newton import (
     NewtonSettings,
     Observer,
     StepFailedError,
+    Trial,
     newton,
     refuse_unstable,
 )
@@ -50,7 +50,7 @@ def equilibria(
     settings: NewtonSettings,
     observe: Observer,
     start: list[Equilibrium] | None = None,
-    trial: tuple[Array, Array | None] | None = None,
+    trial: Trial | None = None,
 ) -> Iterator[tuple[Equilibrium, Counts]]:
     """Yield the equilibrium of every step asked for, with the work it took (intermediate steps included).
 
@@ -59,8 +59,7 @@ def equilibria(
     start
         States to go on from, latest last; by default the undeformed body without load.
     trial
-        Displacement (n, 3) [mm] and point stress from which the first step begins; that step is neither subdivided nor
-        halved.
+        Where the first step begins; that step is neither subdivided nor halved.
     """
     history = list(start) if start else [_rest(system)]
     scale = 0.0
@@ -72,9 +71,9 @@ def equilibria(
         while goals:
             goal = goals[-1]
             try:
-                u, S = trial or _predict(system, history, goal)
+                begin = trial or _predict(system, history, goal)
                 exact = settings if len(goals) == 1 else rough
-                state, scale = newton(system, solver, goal, u, S, scale, exact, observe)
+                state, scale = newton(system, solver, goal, begin, scale, exact, observe)
                 if settings.check_stability:
                     refuse_unstable(system, solver, state)
             except StepFailedError as failure:
@@ -108,17 +107,17 @@ def _rest(system: System) -> Equilibrium:
     """The undeformed body without load or tension, as the first point of a path."""
     u = np.zeros((system.space.n_nodes, 3))
     points = system.points(system.deformation_gradient(u), 0.0)
-    return Equilibrium(Step(0.0, 0.0), u, points, np.zeros_like(u), 0.0, 0)
+    return Equilibrium(Step(0.0, 0.0), u, np.zeros(system.n_pressures), points, np.zeros_like(u), 0.0, 0)
 
 
-def _predict(system: System, history: list[Equilibrium], goal: Step) -> tuple[Array, Array | None]:
-    """Trial displacement and carried stress at `goal` from up to three collinear states."""
+def _predict(system: System, history: list[Equilibrium], goal: Step) -> Trial:
+    """Trial displacement, pressure and carried stress at `goal` from up to three collinear states."""
     last = history[-1]
     here = np.array([last.step.load, last.step.tension])
     way = np.array([goal.load, goal.tension]) - here
     length = float(np.linalg.norm(way))
     if length == 0.0 or len(history) < 2:
-        return last.u, None
+        return Trial(last.u, None, last.p)
     # parameter: 0 at the last state, 1 at the goal
     places = []
     for state in history:
@@ -138,15 +137,16 @@ def _predict(system: System, history: list[Equilibrium], goal: Step) -> tuple[Ar
             break
         chosen.append((along, state))
     if len(chosen) < 2:
-        return last.u, None
+        return Trial(last.u, None, last.p)
     s = np.array([along for along, _ in chosen])
     weights = [float(np.prod([(1.0 - s[j]) / (s[i] - s[j]) for j in range(len(s)) if j != i])) for i in range(len(s))]
-    u, S = np.zeros_like(last.u), np.zeros_like(last.points.S)
+    u, S, p = np.zeros_like(last.u), np.zeros_like(last.points.S), np.zeros_like(last.p)
     for w, (_, state) in zip(weights, chosen, strict=True):
         u += w * state.u
         S += w * state.points.S
+        p += w * state.p
     try:
         system.points(system.deformation_gradient(u), 0.0, passive=False, moduli=False)
     except InvertedError:
-        return last.u, None
-    return u, S
+        return Trial(last.u, None, last.p)
+    return Trial(u, S, p)

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem_biobot.material.law import PAIRS, Array, at_elements, volume_ratio
+from fem_biobot.material.law import PAIRS, Array, at_elements, inverse, volume_ratio
+from fem_biobot.material.volume import volume_measure
+from fem_biobot.solid.mixed.pressure import PressureField
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.space import Ints
 from fem_biobot.solid.system import Points, System
@@ -66,15 +68,28 @@ class Probe:
         Element of each position, (k,).
     slopes
         Gradients of the element's basis there, (b, 3, k) [1/mm].
+    barycentric
+        Barycentric coordinates in the element, (4, k).
     """
 
     elements: Ints
     slopes: Array
+    barycentric: Array
 
     def deformation_gradient(self, state: SolidState) -> Array:
-        """``F`` at the positions, (3, 3, k) [1]."""
-        u = state.u[:, state.model.system.space.nodes[:, self.elements]]
-        return np.eye(3)[:, :, None] + np.einsum("ibk,bdk->idk", u, self.slopes)
+        """``F`` at the positions, (3, 3, k) [1].
+
+        An element far out of shape may be inverted at its nodes though not at its quadrature points; there the nearest
+        of those stands in, so that laws can be evaluated.
+        """
+        space = state.model.system.space
+        u = state.u[:, space.nodes[:, self.elements]]
+        F = np.eye(3)[:, :, None] + np.einsum("ibk,bdk->idk", u, self.slopes)
+        inverted = np.flatnonzero(np.linalg.det(np.moveaxis(F, -1, 0)) <= 0.0)
+        apart = self.barycentric[:, inverted, None] - space.corner_values[:, None, :]
+        nearest = np.argmin(np.einsum("cnq,cnq->nq", apart, apart), axis=1)
+        F[:, :, inverted] = state.F[:, :, self.elements[inverted], nearest]
+        return F
 
     def cauchy_stress(self, state: SolidState) -> Array:
         """Cauchy stress of the elements' own laws at the positions, (3, 3, k) [kPa]."""
@@ -99,12 +114,24 @@ class Probe:
             mine = np.isin(self.elements, elements)
             if mine.any():
                 P[:, :, mine] += at_elements(law, self.elements[mine]).stress(F[:, :, mine])
+        if system.mixed is not None and state.pressure is not None:
+            self._add_pressure(system.mixed.field, state.pressure, F, P)
         for c in system.contractions:
             mine = np.isin(self.elements, c.elements)
             if mine.any():
                 tension = at_elements(c.law.scaled(state.step.tension), self.elements[mine])
                 P[:, :, mine] += tension.stress(F[:, :, mine])
         return np.einsum("ikn,jkn->ijn", P, F) / volume_ratio(F)
+
+    def _add_pressure(self, field: PressureField, pressure: Array, F: Array, P: Array) -> None:
+        """Add the first Piola stress ``p dg/dF`` of the mixed form, in place."""
+        for part in field.parts:
+            mine = np.isin(self.elements, part.elements)
+            if mine.any():
+                p = np.einsum("cn,cn->n", self.barycentric[:, mine], pressure[field.nodes[:, self.elements[mine]]])
+                J = volume_ratio(F[:, :, mine])
+                slope = volume_measure(J, part.measure)[1]
+                P[:, :, mine] += p * slope * J * inverse(F[:, :, mine]).swapaxes(0, 1)
 
 
 def probe(system: System, X: Array) -> Probe:
@@ -128,7 +155,8 @@ def probe(system: System, X: Array) -> Probe:
     elements = found[kept]
     xi = np.einsum("ijk,jk->ik", space.to_reference[:, :, elements], X[:, kept] - corners[:, 0, elements])
     slopes = np.stack([np.broadcast_to(space.shape.lbasis(xi, b)[1], xi.shape) for b in range(len(space.nodes))])
-    return Probe(elements, np.einsum("bjk,jik->bik", slopes, space.to_reference[:, :, elements]))
+    barycentric = np.concatenate([1.0 - xi.sum(axis=0, keepdims=True), xi])
+    return Probe(elements, np.einsum("bjk,jik->bik", slopes, space.to_reference[:, :, elements]), barycentric)
 
 
 def node_probe(system: System) -> Probe:
@@ -141,7 +169,8 @@ def node_probe(system: System) -> Probe:
         xi = np.concatenate([xi, np.stack([xi[:, list(side)].mean(axis=1) for side in sides], axis=1)], axis=1)
     slopes = np.stack([np.broadcast_to(space.shape.lbasis(xi, b)[1], xi.shape) for b in range(n_basis)])  # (b, 3, node)
     global_slopes = np.einsum("bjk,jie->biek", slopes, space.to_reference).reshape(n_basis, 3, -1)
-    return Probe(np.repeat(np.arange(n_elements), n_basis), np.ascontiguousarray(global_slopes))
+    barycentric = np.tile(np.concatenate([1.0 - xi.sum(axis=0, keepdims=True), xi]), n_elements)
+    return Probe(np.repeat(np.arange(n_elements), n_basis), np.ascontiguousarray(global_slopes), barycentric)
 
 
 def ball(centre: Array, radius: float, across: int = 20) -> Array:

@@ -119,9 +119,12 @@ def free_contraction(young: float, poisson: float, tension: float) -> tuple[floa
     """Stretches along and across the fibre of a free compressible neo-Hookean body under nominal tension [1].
 
     Solves ``P = 0`` along, ``mu (s - 1/s) + lmbda ln(J)/s + T = 0``, and across, ``mu (w - 1/w) + lmbda ln(J)/w = 0``,
-    with ``J = s w^2``; `young` and `tension` in kPa.
+    with ``J = s w^2``; `young` and `tension` in kPa. An incompressible one has ``mu (s - 1/s^2) + T = 0``.
     """
     lmbda, mu = lame(young, poisson)
+    if np.isinf(lmbda):
+        s = np.max(np.roots([mu, tension, 0.0, -mu]).real)  # the only positive root
+        return float(s), float(1.0 / np.sqrt(s))
 
     def residual(v: np.ndarray) -> list[float]:
         s, w = np.exp(v)

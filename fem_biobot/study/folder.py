@@ -39,6 +39,7 @@ class Saved:
     step: Step
     natural_stretch: float
     work: dict[str, float]
+    pressure: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -164,6 +165,7 @@ class ResultFolder:
                 "step": [s.step.load, s.step.tension],
                 "natural_stretch": found.natural_stretch,
                 "work": [s.residual, s.newton_iterations, s.factorisations, s.cg_iterations],
+                **({} if s.pressure is None else {"pressure": s.pressure}),
             },
         )
 
@@ -176,7 +178,8 @@ class ResultFolder:
             load, tension = (float(x) for x in data["step"])
             residual, newton, factorisations, cg = map(float, data["work"])
             work = {"residual": residual, "newton": newton, "factorisations": factorisations, "cg": cg}
-            return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work)
+            pressure = data.get("pressure")
+            return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work, pressure)
         except (ValueError, KeyError) as error:
             raise self._unreadable(self.unfinished / f"{key}.npz", error) from None
 

@@ -249,7 +249,7 @@ def _table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     return title, header, [[row.get(name) for name in header] for row in rows]
 
 
-def mesh_summary(mesh: BodyMesh, n_unknowns: int) -> dict[str, Any]:
+def mesh_summary(mesh: BodyMesh, n_unknowns: int, element: str) -> dict[str, Any]:
     """Counts, volumes and quality of a mesh, for the summary."""
     quality = mesh.quality()
     return {
@@ -257,6 +257,7 @@ def mesh_summary(mesh: BodyMesh, n_unknowns: int) -> dict[str, Any]:
         "vertices_1": mesh.n_vertices,
         "elements_1": mesh.n_elements,
         "unknowns_1": n_unknowns,
+        "element": element,
         **{f"volume_{name}_mm3": volume for name, volume in mesh.region_volumes().items()},
         "mean_edge_mm": mesh.h_mean,
         "worst_radius_ratio_1": quality.minimum,

@@ -5,6 +5,7 @@ States are solved in order and handed on one by one, so that a job can save each
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -18,6 +19,7 @@ from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidState, linear_solver, solve
 from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.records import Step
+from fem_biobot.solid.space import LockingWarning
 from fem_biobot.study.paper import SIMULATED_FORCE_TO_DEFLECTION
 from fem_biobot.study.reporter import Reporter
 
@@ -122,7 +124,10 @@ class Solver:
 
     def __post_init__(self) -> None:
         self.settings = NewtonSettings(tolerance=self.design.numerics.tolerance)
-        self.model = SolidModel.from_design(self.design, self.mesh)
+        with warnings.catch_warnings():
+            # told as a note of the job
+            warnings.simplefilter("ignore", LockingWarning)
+            self.model = SolidModel.from_design(self.design, self.mesh)
         self.moulded = self.model
         self.measurer = Measurer(self.design, self.model)
         self.solver = linear_solver(self.model, self.settings)
@@ -133,15 +138,20 @@ class Solver:
         self.natural_stretch = found.natural_stretch
 
     def restore(
-        self, wanted: Wanted, u: np.ndarray, step: Step, natural_stretch: float, work: dict[str, float]
+        self,
+        wanted: Wanted,
+        u: np.ndarray,
+        step: Step,
+        natural_stretch: float,
+        work: dict[str, float],
+        pressure: np.ndarray | None = None,
     ) -> Found:
         """Rebuild a saved state on this solver's models."""
         if wanted.reference == "remodelled" and self.natural_stretch != natural_stretch:
             self.model = remodelled(self.moulded, self.design, natural_stretch)
             self.history = []
-        state = SolidState(
-            self.model, step, u, work["residual"], int(work["newton"]), int(work["factorisations"]), int(work["cg"])
-        )
+        counts = int(work["newton"]), int(work["factorisations"]), int(work["cg"])
+        state = SolidState(self.model, step, u, work["residual"], *counts, pressure)
         found = Found(wanted, state, natural_stretch)
         self.adopt(found)
         return found
@@ -166,7 +176,7 @@ class Solver:
         step: Step,
         start: Sequence[SolidState],
         settings: NewtonSettings | None = None,
-        trial: tuple[np.ndarray, np.ndarray] | None = None,
+        trial: tuple[np.ndarray, np.ndarray, np.ndarray | None] | None = None,
     ) -> SolidState:
         settings = settings or self.settings
         try:
@@ -291,18 +301,23 @@ class Solver:
         ln_s, state, _ = path[-1]
         self.natural_stretch = float(np.exp(ln_s))
         self.model = state.model
-        state = self._go(step, [], trial=(state.u, state.points.S))
+        state = self._go(step, [], trial=(state.u, state.points.S, state.pressure))
         work = self.solver.counts.since(before)
         self.history = []
         return replace(state, newton_iterations=work.newton, factorisations=work.factorisations, cg_iterations=work.cg)
 
 
-def _extrapolated(path: Sequence[tuple[float, SolidState, float]], target: float) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and point stress at a parameter, by the polynomial through the last states."""
+def _extrapolated(
+    path: Sequence[tuple[float, SolidState, float]], target: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Displacement, point stress and pressure at a parameter, by the polynomial through the last states."""
     at = [entry[0] for entry in path]
-    u, S = np.zeros_like(path[-1][1].u), np.zeros_like(path[-1][1].points.S)
+    last = path[-1][1]
+    u, S, p = np.zeros_like(last.u), np.zeros_like(last.points.S), None
     for i, (here, state, _) in enumerate(path):
         weight = float(np.prod([(target - other) / (here - other) for j, other in enumerate(at) if j != i]))
         u += weight * state.u
         S += weight * state.points.S
-    return u, S
+        if state.pressure is not None:
+            p = weight * state.pressure + (0.0 if p is None else p)
+    return u, S, p

@@ -139,6 +139,8 @@ class _Job:
             self._note(f"SuperLU factors instead of PARDISO ({missing}); slower on large meshes")
         self._timed("compile", lambda: compile_kernels(self.reporter))
         solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter))
+        for note in solver.model.system.notes:
+            self._note(note)
         self.folder.open()
         write_text(self.folder.path / "design.toml", to_toml(self.design))
         try:
@@ -178,7 +180,7 @@ class _Job:
                 continue
             saved = self.folder.saved(each.key)
             if saved is not None:
-                found = solver.restore(each, saved.u, saved.step, saved.natural_stretch, saved.work)
+                found = solver.restore(each, saved.u, saved.step, saved.natural_stretch, saved.work, saved.pressure)
             else:
                 try:
                     found = solver.solve(each)
@@ -293,7 +295,7 @@ class _Job:
             "design": self.design.name,
             "versions": versions(),
             "timings_s": dict(self.timings),
-            "mesh": outputs.mesh_summary(mesh, solver.model.n_dofs),
+            "mesh": outputs.mesh_summary(mesh, solver.model.n_dofs, self.design.mesh.element),
             "solid": solid,
             "walks": [walk_files.walk_summary(found) for found in self.walks],
             "crosscheck": None,

@@ -1,5 +1,7 @@
 """Internal force and tangent of the solid as scikit-fem forms: slow, short, and written in the first Piola stress.
 
+With a pressure field: the volumetric part as forms of its own, one pressure basis a region.
+
 The package works with packed second Piola quantities in compiled loops; here ``P`` and ``dP/dF`` are differentiated
 directly and scikit-fem assembles, with node numbers of its own that are matched by position.
 """
@@ -113,3 +115,91 @@ def _tangent(du, v, w):
     across = da - a * np.einsum("i...,i...->...", a, da) / s**2
     dP = dP + w.T / s * np.einsum("i...,k...->ik...", across, w.a0)
     return np.einsum("ik...,ik...->...", dP, v.grad)
+
+
+# --- volumetric part with a pressure ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PressurePart:
+    """One region with a pressure: its elements, bulk modulus, and ``J -> g, g', g''``."""
+
+    elements: NDArray[np.int64]
+    bulk: float
+    measure: Callable[[Array], tuple[Array, Array, Array]]
+
+
+class PressureOracle:
+    """Volumetric forces, volume residuals and their derivatives on one region, beside a `FormOracle`.
+
+    Pressures are in the order of `vertices`, the numbers of the mesh's vertices that the region has.
+    """
+
+    def __init__(self, displacement: FormOracle, points: Array, cells: NDArray[np.int64], part: PressurePart):
+        self.part, self.displacement = part, displacement
+        mesh, degree = displacement.basis.mesh, displacement.basis.quadrature
+        # scikit-fem may have put elements in an order of its own
+        mine = np.flatnonzero(np.isin(displacement.elements, part.elements))
+        self.u_basis = skfem.Basis(mesh, displacement.basis.elem, elements=mine, quadrature=degree)
+        self.basis = skfem.Basis(mesh, skfem.ElementTetP1(), elements=mine, quadrature=degree)
+        self.vertices = np.unique(cells[:, part.elements])
+        place = cKDTree(self.basis.doflocs.T).query(points[:, self.vertices].T)[1]
+        self.order = np.asarray(place)
+
+    def _fields(self, u: Array, p: Array) -> dict[str, Array]:
+        mine, pressure = np.zeros(self.u_basis.N), np.zeros(self.basis.N)
+        mine[self.displacement.order] = u.ravel()
+        pressure[self.order] = p
+        F, G, ln_J = _kinematics(self.u_basis.interpolate(mine))
+        g, slope, bend = self.part.measure(np.exp(ln_J))
+        return {
+            "F": F,
+            "G": G,
+            "J": np.exp(ln_J),
+            "g": g,
+            "g1": slope,
+            "g2": bend,
+            "p": self.basis.interpolate(pressure),
+        }
+
+    def forces(self, u: Array, p: Array) -> tuple[Array, Array]:
+        """``int p dg/dF : grad v``, (n, 3), and ``int q (g - p / bulk)``, (m,)."""
+        fields = self._fields(u, p)
+        force = _push.assemble(self.u_basis, **fields)[self.displacement.order].reshape(-1, 3)
+        return force, _volume.assemble(self.basis, bulk=self.part.bulk, **fields)[self.order]
+
+    def matrix(self, u: Array, p: Array) -> tuple[Array, Array, Array]:
+        """Derivatives of the forces by displacement and pressure, and of the residual by pressure, dense."""
+        fields, order = self._fields(u, p), self.displacement.order
+        K = _push_slope.assemble(self.u_basis, **fields).toarray()[np.ix_(order, order)]
+        B = _coupling.assemble(self.basis, self.u_basis, **fields).toarray()[np.ix_(order, self.order)]
+        C = _compliance.assemble(self.basis, bulk=self.part.bulk).toarray()[np.ix_(self.order, self.order)]
+        return K, B, C
+
+
+@skfem.LinearForm
+def _push(v, w):
+    return w.p * w.g1 * w.J * np.einsum("ki...,ik...->...", w.G, v.grad)
+
+
+@skfem.LinearForm
+def _volume(q, w):
+    return q * (w.g - w.p / w.bulk)
+
+
+@skfem.BilinearForm
+def _push_slope(du, v, w):
+    H, dv = du.grad, v.grad
+    dJ, vJ = (np.einsum("ki...,ik...->...", w.G, slope) for slope in (H, dv))
+    cross = np.einsum("ki...,lk...,jl...,ij...->...", w.G, H, w.G, dv, optimize=True)
+    return w.p * w.J * ((w.J * w.g2 + w.g1) * dJ * vJ - w.g1 * cross)
+
+
+@skfem.BilinearForm
+def _coupling(p, v, w):
+    return p * w.g1 * w.J * np.einsum("ki...,ik...->...", w.G, v.grad)
+
+
+@skfem.BilinearForm
+def _compliance(p, q, w):
+    return -p * q / w.bulk

@@ -312,7 +312,10 @@ def test_the_last_override_counts() -> None:
         ("muscle.theta=", 'muscle.theta: found "" (not a number with a unit)'),
         ("muscle.gamma=nine", 'muscle.gamma: found "nine"'),
         ("skeleton.pillar_count=many", 'skeleton.pillar_count: found "many", expected a whole number'),
-        ("muscle.material.poisson=0.5", "muscle.material.poisson: found 0.5, expected between 0 and 0.499"),
+        (
+            "muscle.material.poisson=0.5",
+            "muscle.material.poisson: found 0.5, expected between 0 and 0.499 with mesh.element",
+        ),
         ("load.tip_force=1 mN", 'load: found a section, expected none for kind "bot"'),
     ],
 )

@@ -233,6 +233,10 @@ class _Counting:
     def __init__(self) -> None:
         self.inner, self.factored = SuperLU(PATTERN), 0
 
+    @property
+    def negative_pivots(self) -> int:
+        return self.inner.negative_pivots
+
     def factor(self, data: np.ndarray) -> None:
         self.factored += 1
         self.inner.factor(data)
@@ -264,11 +268,12 @@ def test_a_near_tangent_is_not_factored_again_and_a_far_one_is() -> None:
     far[PATTERN.starts[:-1]] *= 1.0 + 50.0 * generator(4).uniform(size=PATTERN.n_dofs)
     solved(far)
     assert counting.factored == 2
-    solved(_indefinite())
+    with pytest.raises(NotPositiveDefiniteError):
+        solver.solve(_indefinite(), b, 1e-10)
     assert counting.factored == 3
     solver.renew()
     solved(data)
-    assert counting.factored == 4 == solver.counts.factorisations
+    assert counting.factored == 4 == solver.counts.factorisations + 1  # refused ones do not count
     assert solver.counts.cg > 0
 
 

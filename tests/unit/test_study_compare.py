@@ -38,6 +38,16 @@ def test_free_contraction_tends_to_the_incompressible_one() -> None:
     assert compare.free_contraction(10.0, poisson, mu)[0] == pytest.approx(0.754877666, abs=1e-5)
 
 
+def test_free_contraction_of_an_incompressible_body_is_the_tabled_one() -> None:
+    """At a Poisson's ratio of one half itself s = 0.618033989 at T = 2 mu, and the volume stays.
+
+    Catches: an infinite modulus let into the iteration for compressible bodies.
+    """
+    s, w = compare.free_contraction(9.0, 0.5, 6.0)
+    assert s == pytest.approx(0.618033989, abs=1e-9)
+    assert s * w * w == pytest.approx(1.0, abs=1e-14)
+
+
 def test_eq3_stiffness_of_the_junction_bot() -> None:
     """k = 8 E I / (l L^2) with l = 2.0 mm, L = 7.0 mm is 4.77 mN/mm with the I of the published rods, 0.183 mm^4.
 

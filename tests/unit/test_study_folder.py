@@ -18,7 +18,13 @@ JOB = {"kind": "run", "design_digest": "aaaa", "mesh": "generated"}
 
 def found(key: str, u: np.ndarray) -> SimpleNamespace:
     state = SimpleNamespace(
-        u=u, step=Step(1.0, 0.37), residual=3e-11, newton_iterations=4, factorisations=2, cg_iterations=17
+        u=u,
+        step=Step(1.0, 0.37),
+        residual=3e-11,
+        newton_iterations=4,
+        factorisations=2,
+        cg_iterations=17,
+        pressure=None if key == "passive" else u[0],
     )
     return SimpleNamespace(wanted=SimpleNamespace(key=key), state=state, natural_stretch=0.83)
 
@@ -26,7 +32,7 @@ def found(key: str, u: np.ndarray) -> SimpleNamespace:
 def test_a_saved_state_reads_back_exactly(tmp_path: Path) -> None:
     """What was saved comes back bit for bit, with its step and its work.
 
-    Catches: saving in single precision, swapping load and tension.
+    Catches: saving in single precision, swapping load and tension, a mixed state without its pressures.
     """
     folder = ResultFolder(tmp_path / "out", JOB)
     folder.open()
@@ -38,7 +44,13 @@ def test_a_saved_state_reads_back_exactly(tmp_path: Path) -> None:
     assert saved.step == Step(1.0, 0.37)
     assert saved.natural_stretch == 0.83
     assert saved.work == {"residual": 3e-11, "newton": 4.0, "factorisations": 2.0, "cg": 17.0}
+    assert saved.pressure is None
     assert folder.saved("peak") is None
+    folder.save(found("peak", u))  # type: ignore[arg-type]
+    mixed = folder.saved("peak")
+    assert mixed is not None
+    assert mixed.pressure is not None
+    assert np.array_equal(mixed.pressure, u[0])
 
 
 def test_a_whole_result_is_found_again_and_an_unfinished_one_is_not(tmp_path: Path) -> None:

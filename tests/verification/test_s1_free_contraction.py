@@ -1,6 +1,6 @@
 """S1: free contraction of a block of muscle along an oblique fibre, in every convention of active tension.
 
-Problem: unit cube on a distorted mesh, compressible neo-Hooke, tension T along an oblique fibre, no load.
+Problem: unit cube on a distorted mesh, neo-Hooke, compressible or not, tension T along an oblique fibre, no load.
 Exact answer: two stretches from two scalar equations of the law (tests/oracles/free_muscle.py), whose limit at
     nu -> 1/2 is the table of shared values: mu (s - s^-2) + T = 0 nominal, s = (mu/(mu + T))^(1/3) second Piola. Active
     strain: by its definition the incompressible stretch at constant volume, at any Poisson's ratio.
@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fem_biobot.material import ActiveStress, Convention, NaturalState, NeoHooke
 from fem_biobot.solid.model import SolidModel, SolidState, solve
@@ -57,16 +58,16 @@ def test_the_scalar_equations_reach_the_incompressible_ones(convention: str) -> 
 
 
 @pytest.mark.parametrize("convention", STRESSES)
-@pytest.mark.parametrize("poisson", [0.3, 0.47])
-def test_free_muscle_contracts_by_the_scalar_equations(convention: str, poisson: float) -> None:
+@pytest.mark.parametrize(("poisson", "element"), [(0.3, "P2"), (0.47, "P2"), (0.47, "P2-P1"), (0.4999, "P2-P1")])
+def test_free_muscle_contracts_by_the_scalar_equations(convention: str, poisson: float, element: str) -> None:
     """Every point of the block has the two stretches of the scalar equations at T/mu = 0.1, 0.5, 1 and 2.
 
     Catches: tension along a0 of another frame, one convention taken for another, a tension not scaled by the step.
     """
     law = NeoHooke(9.3, poisson)
     tensions = list(INCOMPRESSIBLE)
-    muscle = ActiveStress(law.mu, FIBRE, convention)
-    model = SolidModel(box_mesh(2), {"muscle": law}, {"muscle": muscle}, on_three_corners())
+    muscle = {"muscle": ActiveStress(law.mu, FIBRE, convention)}
+    model = SolidModel(box_mesh(2), {"muscle": law}, muscle, on_three_corners(), element=element)
     solution = solve(model, tensions, settings=PATIENT)
     for tension, state in zip(tensions, solution.states, strict=True):
         _assert_stretches(state, *free_stretches(tension, poisson, convention))
@@ -117,6 +118,27 @@ def test_active_strain_contracts_the_law_that_the_model_has_now() -> None:
     _assert_stretches(solve(model.with_materials({"muscle": hard}), [1.0], settings=TIGHT).last, s, s**-0.5)
     stays = model.with_materials({"muscle": NaturalState(hard, np.eye(3))})
     _assert_stretches(solve(stays, [1.0], settings=TIGHT).last, s, s**-0.5)
+
+
+def test_incompressible_muscle_contracts_by_the_closed_form() -> None:
+    """At a Poisson's ratio of 1/2 every point has stretch s of mu (s - s^-2) + T = 0 along, s^-1/2 across, J = 1.
+
+    The pressure balances the sides: mu (1/s - 1) + p = 0. Catches: a body that is only nearly incompressible (a ratio
+    of 0.4999 misses by 1e-5), a pressure of the wrong sign.
+    """
+    law = NeoHooke(9.3, 0.5)
+    muscle = {"muscle": ActiveStress(law.mu, FIBRE)}
+    model = SolidModel(box_mesh(2), {"muscle": law}, muscle, on_three_corners(), element="P2-P1")
+    solution = solve(model, list(INCOMPRESSIBLE), settings=TIGHT)
+    for (tension, tabled), state in zip(INCOMPRESSIBLE.items(), solution.states, strict=True):
+        s = brentq(lambda s, T=tension: s - s**-2 + T, 0.3, 1.0, xtol=1e-15, rtol=1e-15)
+        assert s == pytest.approx(tabled, abs=1e-9)  # given to nine digits
+        C = np.einsum("im...,ik...->mk...", state.F, state.F)
+        expected = np.eye(3) / s + (s**2 - 1.0 / s) * np.outer(FIBRE, FIBRE)
+        np.testing.assert_allclose(C, np.broadcast_to(expected[:, :, None, None], C.shape), rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(state.stretch, s, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(state.pressure, law.mu * (1.0 - 1.0 / s), rtol=0.0, atol=1e-9 * law.mu)
+        np.testing.assert_allclose(np.linalg.det(np.moveaxis(state.F, (0, 1), (-2, -1))), 1.0, rtol=0.0, atol=1e-9)
 
 
 def test_the_way_to_a_tension_does_not_matter() -> None:

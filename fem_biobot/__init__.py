@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fem_biobot.mesh.files import read_mesh, write_mesh
     from fem_biobot.mesh.geometry import build_mesh
     from fem_biobot.rod.activation.curve import MuscleCurve
+    from fem_biobot.rod.drag.linear import LinearDrag
     from fem_biobot.rod.drag.record import Drag
     from fem_biobot.rod.dynamics.integrate import Motion, dynamics
     from fem_biobot.rod.ensemble import walk_ensemble
@@ -63,6 +64,7 @@ _HOMES = {
     "mesh.files": ("read_mesh", "write_mesh"),
     "mesh.geometry": ("build_mesh",),
     "rod.activation.curve": ("MuscleCurve",),
+    "rod.drag.linear": ("LinearDrag",),
     "rod.drag.record": ("Drag",),
     "rod.dynamics.integrate": ("Motion", "dynamics"),
     "rod.ensemble": ("walk_ensemble",),
@@ -118,6 +120,7 @@ __all__ = [
     "Guide",
     "Hinge",
     "Hold",
+    "LinearDrag",
     "MeshError",
     "ModelError",
     "Modes",

@@ -156,6 +156,9 @@ class Touches(NamedTuple):
         Between the axes where the surfaces meet, and the share of the one that touches, (t,) each [mm].
     friction
         Coulomb's coefficient between the surfaces, (t,) [1].
+    endless, along
+        1 where the chain goes on beyond its ends, (t,); direction of the world across which distances count, (t, 3)
+        of length one, or zero for none.
     """
 
     node: Ints
@@ -167,6 +170,8 @@ class Touches(NamedTuple):
     distance: Array
     radius: Array
     friction: Array
+    endless: Ints
+    along: Array
 
 
 class Assembly(NamedTuple):

@@ -13,6 +13,7 @@ from fem_biobot.rod.activation.build import activations
 from fem_biobot.rod.arrays import Assembly, Constraints, Inertia, Loads, Members
 from fem_biobot.rod.atlas import Atlas, Built, Member, Moved
 from fem_biobot.rod.contacts import contact_arrays, touch_arrays
+from fem_biobot.rod.drag.linear import LinearDrag
 from fem_biobot.rod.drag.record import Drag, drag_lumps
 from fem_biobot.rod.element import kernels as element
 from fem_biobot.rod.element.arrays import Elements
@@ -40,7 +41,7 @@ from fem_biobot.rod.touch import Touch
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Joint = Rigid | Spherical | Hinge | Guide
-Load = PointLoad | DistributedLoad | Gravity | Drag
+Load = PointLoad | DistributedLoad | Gravity | Drag | LinearDrag
 
 # parts drawn further apart than this share of the model's size do not meet in a joint
 _MEETS = 1e-6
@@ -263,7 +264,7 @@ def _loads(
     histories: list[Any] = []
     gravity = np.zeros(3)
     for load in loads:
-        if isinstance(load, Drag):
+        if isinstance(load, Drag | LinearDrag):
             continue
         if isinstance(load, Gravity):
             g = np.array(load.acceleration, dtype=float)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ def _known(what: str, rod: str, atlas: Atlas) -> str:
 
 def touch_arrays(touches: Sequence[Touch], atlas: Atlas) -> Touches:
     """Nodes that touch and their chains; refuses parts that do not exist and chains without length."""
-    node, offset, first, last, distance, radius, friction = [], [], [], [], [], [], []
+    node, offset, first, last, distance, radius, friction, endless, along = [], [], [], [], [], [], [], [], []
     segments: list[tuple[list[int], list[Array]]] = []
     for record in touches:
         rod = _known("rod", record.rod, atlas)
@@ -90,6 +91,13 @@ def touch_arrays(touches: Sequence[Touch], atlas: Atlas) -> Touches:
                 )
             (a, ra), (b, rb) = found[k], found[k + 1]
             segments.append(([a, b], [ra, rb]))
+        wall = np.zeros(3) if record.along is None else np.array(record.along, dtype=float)
+        wall /= np.linalg.norm(wall) or 1.0
+        for a, b in pairwise(drawn):
+            if not np.linalg.norm(np.cross(b - a, wall)) > 0.0 and wall.any():
+                raise ModelError(
+                    f"touch of {rod}: along: found {record.along}, the direction of the chain itself, expected another"
+                )
         sections = atlas.rods[rod].sections
         for number in range(count) if record.nodes is None else record.nodes:
             if not isinstance(number, int | np.integer) or not -count <= number < count:
@@ -103,6 +111,8 @@ def touch_arrays(touches: Sequence[Touch], atlas: Atlas) -> Touches:
             distance.append(apart)
             radius.append(min(section.radius or 0.0, apart))
             friction.append(record.friction)
+            endless.append(int(record.endless))
+            along.append(wall)
     t, s = len(node), len(segments)
     return Touches(
         np.array(node, dtype=np.int64),
@@ -114,4 +124,6 @@ def touch_arrays(touches: Sequence[Touch], atlas: Atlas) -> Touches:
         np.array(distance, dtype=float),
         np.array(radius, dtype=float),
         np.array(friction, dtype=float),
+        np.array(endless, dtype=np.int64),
+        np.array(along, dtype=float).reshape(t, 3),
     )

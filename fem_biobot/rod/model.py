@@ -41,7 +41,7 @@ class RodModel:
     supports
         `Hold` records. None is needed for dynamics.
     loads
-        `PointLoad`, `DistributedLoad`, `Gravity`, `Drag`.
+        `PointLoad`, `DistributedLoad`, `Gravity`, `Drag`, `LinearDrag`.
     members
         `Muscle` and `Spring` records.
     contacts

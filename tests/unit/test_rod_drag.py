@@ -15,6 +15,7 @@ from fem_biobot.config import load_design
 from fem_biobot.errors import DesignError, ModelError
 from fem_biobot.rod.arrays import Drags
 from fem_biobot.rod.drag import kernels
+from fem_biobot.rod.drag.linear import LinearDrag
 from fem_biobot.rod.drag.record import Drag
 from fem_biobot.rod.dynamics.integrate import Integrator, Settings, dynamics
 from fem_biobot.rod.model import RodModel
@@ -265,3 +266,40 @@ def test_viscosity_without_a_medium_is_refused() -> None:
     """Catches: a key that is ignored."""
     with pytest.raises(DesignError, match=r"ground\.viscosity: found 1 mPa s with ground\.immersion \"air\""):
         load_design("junction_bot", ["ground.viscosity=1 mPa s"])
+
+
+def test_linear_drag_is_alike_in_all_directions() -> None:
+    """Force and moment of a bent rod that moves rigidly are its length times the coefficients, against the motion.
+
+    Catches: a rod's axis kept, moments of the lumps without the coefficient, halves at the ends counted whole.
+    """
+    rod = Rod(arc(40, 3.0, 1.2), Section.circle(0.1), STEEL)
+    model = RodModel([rod], loads=[LinearDrag(["rod"], 0.3, 0.07)])
+    D, n = model.assembly.drag, model.n_nodes
+    length = 3.0 * 1.2
+    for velocity, spin in (((0.4, -0.2, 0.9), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.0), (0.3, 0.5, -0.2))):
+        v, force = np.zeros((n, 6)), np.zeros((n, 6))
+        v[:, :3], v[:, 3:] = velocity, spin
+        kernels.add_drag(D, np.tile(np.eye(3), (n, 1, 1)), v, force)
+        np.testing.assert_allclose(force[:, :3].sum(axis=0), -0.3 * length * np.array(velocity), rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(force[:, 3:].sum(axis=0), -0.07 * length * np.array(spin), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("loads", "word"),
+    [
+        (lambda: [LinearDrag(["rod"], -1.0)], "linear drag: force: found -1.0"),
+        (lambda: [LinearDrag(["rod"], 1.0, np.nan)], "linear drag: moment: found nan"),
+        (lambda: [LinearDrag("rod", 1.0)], "linear drag: rods: found 'rod', expected a sequence"),
+        (lambda: [LinearDrag(["other"], 1.0)], "linear drag: no rod of the name 'other', expected one of: rod"),
+        (lambda: [LinearDrag(["rod"], 1.0), Drag(1e-6)], "'rod' is dragged twice"),
+        (lambda: [Drag(1e-6), LinearDrag(["rod"], 1.0)], "'rod' is dragged twice"),
+    ],
+)
+def test_linear_drag_that_cannot_be_is_refused(loads: Any, word: str) -> None:
+    """In one line.
+
+    Catches: a rod of another name left out in silence, two drags added up.
+    """
+    with pytest.raises(ModelError, match=word):
+        RodModel([Rod(straight(40, 9.0), Section.circle(0.1), STEEL)], loads=loads())

@@ -32,12 +32,18 @@ def _pair(touches: list[Touch] | None = None, section: Section = ROUND) -> RodMo
     return RodModel([upper, lower], supports=[Hold(("lower", 0))], touches=touches or [Touch("upper", "lower")])
 
 
-def test_rows_are_the_derivatives_of_the_gap() -> None:
+WALL = (0.3, 0.2, 0.9)
+
+
+@pytest.mark.parametrize("along", [None, WALL])
+@pytest.mark.parametrize("endless", [False, True])
+def test_rows_are_the_derivatives_of_the_gap(along: tuple[float, float, float] | None, endless: bool) -> None:
     """The normal row times small motions of the nodes is the change of the gap, at every node of the upper rod.
 
-    Catches: shares of the segment's ends exchanged, arms of the wrong sign, a nearest point of another segment.
+    Catches: shares of the segment's ends exchanged, arms of the wrong sign, a nearest point of another segment, a wall
+    whose normal leans.
     """
-    model = _pair()
+    model = _pair([Touch("upper", "lower", along=along, endless=endless, distance=0.1)])
     state, rng = model.drawn(), generator(5)
     T = model.assembly.touches
     v = rng.normal(size=(model.n_nodes, 6))
@@ -72,6 +78,41 @@ def test_gap_is_the_distance_to_the_nearest_segment() -> None:
         assert gap == pytest.approx(nearest, abs=1e-6)
 
 
+def test_a_wall_goes_on_along_its_direction_and_an_endless_one_beyond_its_ends() -> None:
+    """Gaps are distances in the plane across the wall, from the segments, or from the lines through the outer ones.
+
+    Catches: the height over the chain counted, an inner segment taken as endless, the wrong end continued.
+    """
+    w = np.array(WALL) / np.linalg.norm(WALL)
+    across = np.eye(3) - np.outer(w, w)
+    model = _pair([Touch("upper", "lower", along=WALL, endless=endless, distance=0.1) for endless in (False, True)])
+    T, state = model.assembly.touches, model.drawn()
+    chain, nodes = model.rods[1].points @ across, model.rods[0].points @ across
+    ends = np.zeros(3, dtype=np.int64)
+    for k in range(6):
+        spans = [(0.0, 1.0), (0.0, 1.0)] if k < 3 else [(-9.0, 1.0), (0.0, 10.0)]
+        apart = []
+        for (a, b), (low, high) in zip(pairwise(chain), spans, strict=True):
+            t = np.clip((nodes[k % 3] - a) @ (b - a) / ((b - a) @ (b - a)), low, high)
+            apart.append(np.linalg.norm(nodes[k % 3] - a - t * (b - a)))
+        gap = touch(T, k, state.x, state.Q, np.zeros((3, 3, 6)), ends)
+        assert gap == pytest.approx(min(apart) - 0.1, abs=1e-12)
+
+
+def test_forces_on_a_wall_are_opposite_and_across_it() -> None:
+    """What a unit of normal impulse does to all nodes: no sum, no part along the wall.
+
+    Catches: a leaning normal that would lift what it pushes.
+    """
+    model = _pair([Touch("upper", "lower", along=WALL, endless=True, distance=0.1)])
+    state, w = model.drawn(), np.array(WALL) / np.linalg.norm(WALL)
+    for k in range(3):
+        rows, ends = np.zeros((3, 3, 6)), np.zeros(3, dtype=np.int64)
+        touch(model.assembly.touches, k, state.x, state.Q, rows, ends)
+        np.testing.assert_allclose(rows[0, :, :3].sum(axis=0), 0.0, atol=1e-14)
+        np.testing.assert_allclose(rows[0, :, :3] @ w, 0.0, atol=1e-14)
+
+
 def test_surfaces_at_rest_against_each_other_have_no_slip() -> None:
     """A common rigid motion of both parts moves neither along nor off the other.
 
@@ -101,6 +142,9 @@ def test_surfaces_at_rest_against_each_other_have_no_slip() -> None:
         (lambda: _pair([Touch("upper", [("lower", 0), ("lower", 1)])]), "chain of places without distance"),
         (lambda: _pair([Touch("upper", [("lower", 0), ("lower", 0)], distance=1.0)]), "drawn at one point"),
         (lambda: _pair([Touch("upper", "lower")], Section.rectangle(1.0, 0.5)), "a section that is not round"),
+        (lambda: Touch("upper", "lower", along=(0.0, 0.0, 0.0)), "along: found"),
+        (lambda: Touch("upper", "lower", along=(0.0, 1.0)), "along: found"),  # type: ignore[arg-type]
+        (lambda: _pair([Touch("upper", [("lower", 0), ("lower", 1)], distance=1.0, along=(2.0, 0.2, 0.0))]), "itself"),
         (lambda: statics(_pair(), [1.0]), "statics: found 1 touches"),
         (lambda: modes(_pair()), "modes: found 1 touches"),
         (lambda: dynamics(_pair([Touch("upper", "lower", distance=1.3)]), 1e-3), "inside what it touches"),

@@ -11,6 +11,7 @@ import numpy as np
 from fem_biobot.errors import ModelError
 from fem_biobot.rod.arrays import Drags
 from fem_biobot.rod.atlas import Atlas
+from fem_biobot.rod.drag.linear import LinearDrag
 from fem_biobot.rod.element.arrays import Elements
 from fem_biobot.rod.records import Array, Rod, Vector, _number, _set, vector
 
@@ -88,10 +89,12 @@ class Drag:
 
 
 def drag_lumps(loads: Sequence[object], atlas: Atlas, elements: Elements) -> Drags:
-    """Resistances at the nodes of all `Drag` records among the loads; refuses parts named twice or not slender."""
+    """Resistances at the nodes of all drag records among the loads; refuses parts named twice or not slender."""
     rows: list[tuple[int, Array, Array, list[float], Array]] = []
     seen: set[str] = set()
     for drag in loads:
+        if isinstance(drag, LinearDrag):
+            rows += [(*row, np.zeros(3)) for row in _against_rest(drag, seen, atlas, elements)]
         if not isinstance(drag, Drag):
             continue
         spheres = [n for n, b in atlas.bodies.items() if b.volume > 0.0] if drag.spheres is None else drag.spheres
@@ -125,6 +128,24 @@ def drag_lumps(loads: Sequence[object], atlas: Atlas, elements: Elements) -> Dra
         tumble,
         np.array([r[4] for r in rows], dtype=float).reshape(d, 3),
     )
+
+
+def _against_rest(
+    drag: LinearDrag, seen: set[str], atlas: Atlas, elements: Elements
+) -> list[tuple[int, Array, Array, list[float]]]:
+    """Lumps without axis of a drag that knows no direction."""
+    rows: list[tuple[int, Array, Array, list[float]]] = []
+    for name in drag.rods:
+        if name not in atlas.rods:
+            known = ", ".join(atlas.rods) or "none"
+            raise ModelError(f"linear drag: no rod of the name {name!r}, expected one of: {known}")
+        if name in seen:
+            raise ModelError(f"drag: {name!r} is dragged twice, expected each part once")
+        seen.add(name)
+        per_length = np.array([drag.force, drag.force, 0.0, drag.moment, drag.moment])
+        shares = _halves(per_length[:, None] * _lengths(atlas.rods[name], atlas, elements))
+        rows += [(*atlas.locate((name, i)), np.zeros(3), share.tolist()) for i, share in enumerate(shares.T)]
+    return rows
 
 
 def _slender(drag: Drag, rod: Rod, atlas: Atlas, elements: Elements) -> list[tuple[int, Array, Array, list[float]]]:

@@ -47,9 +47,13 @@ class Oddity(StrEnum):
         them, and the second finds nothing left to balance.
     absolute_damping
         Drag against rest on every rod, 0.13 g/(mm s) on the skeleton and 0.05 on muscle, on translation and (times
-        1 mm^2) on spin, and 10 g mm/s per rate of stretch in muscle; Kelvin-Voigt damping.
+        1 mm^2) on spin, and 10 g mm/s per rate of stretch in muscle; Kelvin-Voigt damping of all rods, and of muscle
+        the drag of slender bodies in water.
     weightless_muscle
-        Gravity acts on the skeleton alone; on everything.
+        Gravity acts on the skeleton alone; muscle weighs what it does in water.
+    overlapping_ends
+        The last two elements of a ring lie on its first two and hang free, and where it closes it does not resist
+        bending; rings of 22 elements, closed rigidly.
     """
 
     doubled_shear = "doubled_shear"
@@ -62,8 +66,10 @@ class Oddity(StrEnum):
     friction_twice = "friction_twice"
     absolute_damping = "absolute_damping"
     weightless_muscle = "weightless_muscle"
+    overlapping_ends = "overlapping_ends"
 
 
+_MAY_VANISH = ("base_force", "active_force", "damping_time", "viscosity", "water_density", "poisson")
 AS_PUBLISHED = frozenset(Oddity) - {Oddity.friction_twice}
 CORRECTED: frozenset[Oddity] = frozenset()
 SETS = {"as_published": AS_PUBLISHED, "corrected": CORRECTED}
@@ -100,8 +106,11 @@ class ElasticaWalker:
         Force against rest per length and velocity [kPa s]; with `absolute_damping`.
     stretch_damping
         Force per rate of stretch in muscle [mN s]; with `absolute_damping`.
-    damping_time
-        Kelvin-Voigt time of all rods and muscle [s]; without `absolute_damping`.
+    damping_time, viscosity
+        Kelvin-Voigt time of all rods and muscle [s], and of the water around muscle [kPa s]; without
+        `absolute_damping`.
+    water_density
+        Around muscle [kg/mm^3]; without `weightless_muscle`.
     clearance
         Least distance of a ring's axis from the line through the axes of a pillar's legs [mm].
     static_friction, kinetic_friction
@@ -134,6 +143,8 @@ class ElasticaWalker:
     muscle_drag: float = 5e-5
     stretch_damping: float = 0.01
     damping_time: float = 1e-4
+    viscosity: float = 1e-6
+    water_density: float = 1e-6
     clearance: float = 2.04
     static_friction: float = 0.42
     kinetic_friction: float = 0.3
@@ -141,7 +152,7 @@ class ElasticaWalker:
     def __post_init__(self) -> None:
         _set(self, oddities=oddity_set(self.oddities))
         for field in fields(self)[1:]:
-            zero = field.name in ("base_force", "active_force", "damping_time", "poisson")
+            zero = field.name in _MAY_VANISH
             _number(f"elastica walker: {field.name}", getattr(self, field.name), 0.0, open_low=not zero)
 
     def has(self, oddity: Oddity) -> bool:

@@ -11,6 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fem_biobot.rod.build import Joint
+from fem_biobot.rod.drag.linear import LinearDrag
+from fem_biobot.rod.drag.record import Drag
 from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.guide import Guide
 from fem_biobot.rod.landmarks import Landmarks
@@ -18,6 +21,7 @@ from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.published.description import ElasticaWalker, Oddity
 from fem_biobot.rod.records import Gravity, Muscle, Place, PointLoad, Rigid, Rod, Spherical, Vector
 from fem_biobot.rod.section import RodMaterial, Section
+from fem_biobot.rod.touch import Touch
 
 Array = NDArray[np.float64]
 
@@ -26,7 +30,7 @@ BEAM_ELEMENTS, LEG_ELEMENTS, CROSS_ELEMENTS, FIBRE_ELEMENTS = 16, 6, 5, 4
 LEG_AT = {"short": 2, "long": 14}  # node of a beam
 SPAN = (4, 12)  # nodes of a beam between which it is flexible
 CROSS_AT = 4  # node of the legs whose height the lower cross rods have
-CLOSED = 22  # node of a ring that lies on its first; two more elements lie on the first two
+CLOSED = 22  # node of a ring that lies on its first
 TIED = range(12, 18)  # nodes of an upper ring that stay over those of the lower
 FIBRE_AT = (13, 14, 15, 16)  # nodes of the upper rings between which the fibres run
 FRONT, LEFT, RIGHT = range(8), range(8, 12), range(18, 22)  # nodes of a ring that can touch its pillar
@@ -59,7 +63,9 @@ def elastica_walker(walker: ElasticaWalker | None = None) -> RodModel:
     Muscle resists stretch by ``E area (s - 1) / s``: the code divides its resultant by the stretch s, which makes it
     Eq. 2 of the paper. Its rods bend, twist and shear.
 
-    Rings are bonded along the machine to the legs behind them, where the code lets them touch.
+    Rings touch their pillar without friction, as in the code: the nodes of their outer side stay off the line through
+    the axes of the pillar's two legs, those of their lateral sides off that through the right or the left legs of both
+    pillars, at least by the clearance and however high they are.
 
     Left out: the code's dashpots of 10 g mm/s along skeleton rods; springs (joints, ground, contact); what bending
     resultants are divided by for stretch.
@@ -70,10 +76,11 @@ def elastica_walker(walker: ElasticaWalker | None = None) -> RodModel:
     drawn = {rod.name: rod for rod in rods}
     return RodModel(
         rods,
-        [*_skeleton_joints(), *_muscle_joints(), *_heights(w, drawn), *_bonds(drawn)],
-        loads=[Gravity((0.0, 0.0, -_GRAVITY)), *_buoyancy(w, muscle_rods)],
+        [*_skeleton_joints(), *_muscle_joints(w), *_heights(w, drawn)],
+        loads=[Gravity((0.0, 0.0, -_GRAVITY)), *_buoyancy(w, muscle_rods), *_drag(w, rods, muscle_rods)],
         members=[member for rod in muscle_rods for member in _members(w, rod)],
         contacts=_feet(w, drawn),
+        touches=_touches(w),
         damping_time=0.0 if w.has(Oddity.absolute_damping) else w.damping_time,
         landmarks=Landmarks(
             start=("beam_right", SPAN[0]),
@@ -185,7 +192,10 @@ def _crosses(w: ElasticaWalker) -> list[Rod]:
 
 
 def ring_path(w: ElasticaWalker, pillar: str, level: str) -> Array:
-    """Nodes of a ring as drawn, (25, 3) [mm]: the outer side from right to left, left side, inner side, right side."""
+    """Nodes of a ring as drawn, (23, 3) [mm]: the outer side from right to left, left side, inner side, right side.
+
+    With overlapping ends two more, which lie on the second and third.
+    """
     inward = 1.0 if pillar == "short" else -1.0
     across, along = np.arange(8) / 7 * _RING_WIDTH, np.arange(1, 5) / 4 * _RING_LENGTH
     outer, inner = np.zeros(7), np.full(7, _RING_LENGTH)
@@ -193,7 +203,7 @@ def ring_path(w: ElasticaWalker, pillar: str, level: str) -> Array:
     y = np.concatenate([across, np.full(4, _RING_WIDTH), across[::-1][1:], np.zeros(4)]) - 0.5 * _RING_WIDTH
     z = np.full(len(y), w.upper_ring if level == "upper" else w.lower_ring)
     once = np.column_stack([_RING_BEGIN[pillar] + inward * depth, y, z])
-    return np.vstack([once, once[1:3]])
+    return np.vstack([once, once[1:3]]) if w.has(Oddity.overlapping_ends) else once
 
 
 def _muscle_section(w: ElasticaWalker, radius: float) -> Section:
@@ -257,53 +267,63 @@ def _skeleton_joints() -> list[Rigid]:
     return joints
 
 
-def _muscle_joints() -> list[Spherical | Guide]:
-    joints: list[Spherical | Guide] = []
+def _muscle_joints(w: ElasticaWalker) -> list[Joint]:
+    close = Spherical if w.has(Oddity.overlapping_ends) else Rigid
+    joints: list[Joint] = []
     for pillar, end in zip(PILLARS, (0, -1), strict=True):
         upper, lower = f"ring_{pillar}_upper", f"ring_{pillar}_lower"
-        joints += [Spherical((ring, 0), (ring, CLOSED)) for ring in (upper, lower)]
+        joints += [close((ring, 0), (ring, CLOSED)) for ring in (upper, lower)]
         joints += [Guide((upper, i), (lower, i), "xy") for i in TIED]
         joints += [Spherical((f"fibre_{k + 1}", end), (upper, node)) for k, node in enumerate(FIBRE_AT)]
     return joints
 
 
 def _heights(w: ElasticaWalker, rods: dict[str, Rod]) -> list[Guide]:
-    """Joints that hold the rings at their height on the nearer leg, along their outer side."""
+    """Joints that hold the rings at their height on the nearer leg, where they can touch."""
     if w.has(Oddity.leg_node_contact):
         return []
     joints = []
     for pillar in PILLARS:
         for level, node in CONTACT_NODE.items():
             ring = f"ring_{pillar}_{level}"
-            for i in FRONT:
+            for i in (*FRONT, *LEFT, *RIGHT):
                 side = "right" if rods[ring].points[i, 1] < 0.0 else "left"
                 joints.append(Guide((ring, i), (f"leg_{pillar}_{side}", node), "z"))
     return joints
 
 
-def _bonds(rods: dict[str, Rod]) -> list[Guide]:
-    """Joints that keep the outer side of the rings at its distance from the legs along the machine."""
-    joints = []
+def _touches(w: ElasticaWalker) -> list[Touch]:
+    """Where rings touch their pillars: walls along the lines through the axes of the legs, at the legs' nodes."""
+    touches, up = [], (0.0, 0.0, 1.0)
     for pillar in PILLARS:
         for level, node in CONTACT_NODE.items():
             ring = f"ring_{pillar}_{level}"
-            for i in FRONT:
-                side = "right" if rods[ring].points[i, 1] < 0.0 else "left"
-                joints.append(Guide((ring, i), (f"leg_{pillar}_{side}", node), "x"))
-    return joints
+            lines: list[tuple[range, list[Place]]] = [(FRONT, [(f"leg_{pillar}_{side}", node) for side in SIDES])]
+            for side, nodes in (("left", LEFT), ("right", RIGHT)):
+                lines.append((nodes, [(f"leg_{other}_{side}", node) for other in PILLARS]))
+            touches += [Touch(ring, line, nodes, w.clearance, endless=True, along=up) for nodes, line in lines]
+    return touches
 
 
 def _buoyancy(w: ElasticaWalker, muscle_rods: list[Rod]) -> list[PointLoad]:
-    """What carries the weight of the muscle, node by node, where it has none."""
-    if not w.has(Oddity.weightless_muscle):
-        return []
+    """What water carries of the muscle, node by node: all of its weight, where it has none."""
+    density = w.muscle_density if w.has(Oddity.weightless_muscle) else w.water_density
     loads = []
     for rod in muscle_rods:
         spans = np.linalg.norm(np.diff(rod.points, axis=0), axis=1)
-        weight = _GRAVITY * rod.material.density * np.array(rod.masses) * [s.area for s in rod.sections] * spans
+        weight = _GRAVITY * density * np.array(rod.masses) * [s.area for s in rod.sections] * spans
         share = 0.5 * (np.append(weight, 0.0) + np.append(0.0, weight))
         loads += [PointLoad((rod.name, i), force=(0.0, 0.0, float(f))) for i, f in enumerate(share)]
     return loads
+
+
+def _drag(w: ElasticaWalker, rods: list[Rod], muscle_rods: list[Rod]) -> list[LinearDrag | Drag]:
+    """Resistance against rest, with the same number for spin (the code's is per mm^2); or that of water."""
+    muscle = [rod.name for rod in muscle_rods]
+    if not w.has(Oddity.absolute_damping):
+        return [Drag(w.viscosity, rods=muscle, spheres=())]
+    skeleton = [rod.name for rod in rods if rod.name not in muscle]
+    return [LinearDrag(skeleton, w.skeleton_drag, w.skeleton_drag), LinearDrag(muscle, w.muscle_drag, w.muscle_drag)]
 
 
 def _feet(w: ElasticaWalker, rods: dict[str, Rod]) -> list[ContactPoints]:

@@ -18,14 +18,22 @@ from fem_biobot.rod.parts.kernels import contact, point  # noqa: E402
 
 
 @njit(**INNER)
-def _nearest(p, a, b):
-    """Share of the way from `a` to `b` of the point of that segment nearest to `p`, and the distance squared."""
+def _level(w, p):
+    """Take from `p` its part along the unit vector `w`, which may be zero."""
+    part = w[0] * p[0] + w[1] * p[1] + w[2] * p[2]
+    for c in range(3):
+        p[c] -= part * w[c]
+
+
+@njit(**INNER)
+def _nearest(p, a, b, low, high):
+    """Share of the way from `a` to `b`, in the bounds, of the point nearest to `p`, and the distance squared."""
     along = 0.0
     length = 0.0
     for c in range(3):
         along += (p[c] - a[c]) * (b[c] - a[c])
         length += (b[c] - a[c]) ** 2
-    t = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+    t = min(max(along / length, low), high) if length > 0.0 else 0.0
     square = 0.0
     for c in range(3):
         square += (p[c] - a[c] - t * (b[c] - a[c])) ** 2
@@ -83,18 +91,27 @@ def touch(touches, k, x, Q, rows, ends):
     t1 = np.empty(3)
     t2 = np.empty(3)
     i = touches.node[k]
+    wall = touches.along[k]
     point(x, Q, i, touches.offset[k], r, p)
+    _level(wall, p)
     best = np.inf
     share = 0.0
     nearest = touches.first[k]
     for s in range(touches.first[k], touches.last[k]):
         point(x, Q, touches.chain_node[s, 0], touches.chain_offset[s, 0], ra, a)
         point(x, Q, touches.chain_node[s, 1], touches.chain_offset[s, 1], rb, b)
-        t, square = _nearest(p, a, b)
+        _level(wall, a)
+        _level(wall, b)
+        on = touches.endless[k] == 1
+        low = -np.inf if on and s == touches.first[k] else 0.0
+        high = np.inf if on and s == touches.last[k] - 1 else 1.0
+        t, square = _nearest(p, a, b, low, high)
         if square < best:
             best, share, nearest = square, t, s
     point(x, Q, touches.chain_node[nearest, 0], touches.chain_offset[nearest, 0], ra, a)
     point(x, Q, touches.chain_node[nearest, 1], touches.chain_offset[nearest, 1], rb, b)
+    _level(wall, a)
+    _level(wall, b)
     apart = np.sqrt(best)
     for c in range(3):
         along[c] = b[c] - a[c]

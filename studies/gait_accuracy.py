@@ -290,9 +290,8 @@ def _with(action: Any) -> Any:
 # --- expect -----------------------------------------------------------------------------------------------------------
 
 # largest changes of the advance and of the stroke, per cent, with equal coefficients from 1 Hz on; at 0.5 Hz the bot
-# hardly advances, and the change of the advance is taken of the stroke. 1 % of the advance is wanted for half the step,
-# and not reached with equal steps.
-LIMITS = {FINE_MESH: (0.5, 0.5), HALF: (3.0, 1.0), ADAPTED: (1.0, 0.5)}
+# hardly advances, and the change of the advance is taken of the stroke.
+LIMITS = {FINE_MESH: (0.5, 0.5), HALF: (1.0, 0.5), ADAPTED: (1.0, 0.5)}
 WITNESS_LIMIT = {"smoke": 5.0, "full": 2.0}
 # asked for are 1e-9 of the largest impulse, beyond which rounding is allowed: of momenta, where short steps leave
 # impulses small

@@ -11,6 +11,7 @@ from fem_biobot.rod.contact import kernels as contact_kernels
 from fem_biobot.rod.dynamics import kernels as implicit_kernels
 from fem_biobot.rod.dynamics.book import kernels as book_kernels
 from fem_biobot.rod.dynamics.integrate import Integrator, Settings, dynamics
+from fem_biobot.rod.dynamics.run import kernels as run_kernels
 from fem_biobot.rod.explicit import kernels as explicit_kernels
 from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
@@ -20,7 +21,7 @@ from fem_biobot.rod.section import RodMaterial, Section
 # those that a run calls itself, and what compiling them takes on one processor, with all that they call [s]
 _CALLED = {
     Integrator.implicit: (
-        (implicit_kernels, "implicit_run"),
+        (run_kernels, "implicit_run"),
         (implicit_kernels, "try_step"),
         (implicit_kernels, "factorise"),
         (book_kernels, "accept"),

@@ -48,14 +48,14 @@ def test_kernels_older_than_their_source_are_not_taken_for_compiled(
 ) -> None:
     """Catches: a cache of an earlier version taken for this one."""
     compile_kernels(Told())
-    kernel = compiling.implicit_kernels.implicit_run
+    kernel = compiling.run_kernels.implicit_run
     if not hasattr(kernel, "stats"):
         pytest.skip("kernels are not compiled")
 
     class Elsewhere:
         stats: Any = type("Stats", (), {"cache_path": str(tmp_path)})
 
-    monkeypatch.setattr(compiling.implicit_kernels, "implicit_run", Elsewhere)
+    monkeypatch.setattr(compiling.run_kernels, "implicit_run", Elsewhere)
     assert not cached()
 
 

@@ -101,6 +101,8 @@ def test_a_history_that_is_no_number_is_refused() -> None:
         ({"dissipation": float("nan")}, "dissipation"),
         ({"tolerance": 0.0}, "tolerance"),
         ({"tolerance": 0.1}, "tolerance"),
+        ({"parts": 0}, "parts"),
+        ({"parts": 2.0}, "parts"),
         ({"largest_error": 0.0}, "largest_error"),
         ({"largest_error": 1e-3, "integrator": "explicit"}, "largest_error"),
     ],

@@ -265,3 +265,32 @@ def test_a_held_part_stays_where_it_is() -> None:
     held = RodModel(bodies=[body], loads=[Gravity((0.0, 0.0, -G))], supports=[hold])
     motion = dynamics(held, 0.05, start=moving(held, 100.0, 0.0, 0.0))
     assert np.abs(motion.x - held.built.x).max() == 0.0
+
+
+def _comes_to_rest(step: float, parts: int) -> tuple[float, float]:
+    """Where and when a block on a spring with friction stops, from its last slip."""
+    spring = Spring(("block", (-6.0, 0.0, 2.5)), (-106.0, 0.0, 2.5), 1600.0 * MASS)
+    start = block(members=(spring,)).drawn()
+    start = replace(start, x=start.x + np.array([20.0, 0.0, 0.0]))
+    settings = Settings(parts=parts, dissipation=0.0)
+    motion = dynamics(start.model, 0.45, step, ground=Ground(0.3), start=start, settings=settings)
+    slips = np.flatnonzero((motion.touch == SLIP).any(axis=1))[-1]
+    return float(motion.x[-1, 0, 0]), float(motion.times[slips])
+
+
+def test_steps_in_which_contact_changes_are_divided() -> None:
+    """Free vibration with dry friction loses ``2 mu g / w^2`` each half swing (Rayleigh 1877) and stops after five.
+
+    Turns of the slip rounded to whole steps cost several times the accuracy.
+
+    Catches: a division that keeps the step's own length, one that is made after the step was taken.
+    """
+    d = 0.3 * G / 1600.0
+    exact = -(20.0 - 10.0 * d)
+    assert abs(exact) < d  # it stays there
+    errors = {parts: abs(_comes_to_rest(3.7e-3, parts)[0] - exact) for parts in (1, 4, 16)}
+    assert errors[4] < 0.5 * errors[1]
+    assert errors[16] < 0.5 * errors[4]
+    position, time = _comes_to_rest(1e-3, 4)
+    assert position == pytest.approx(exact, abs=2e-3 * d)
+    assert time == pytest.approx(5.0 * np.pi / 40.0, abs=1e-3)

@@ -33,6 +33,8 @@ class State(NamedTuple):
         Impulses of the joints in the last step, (j, 6).
     strain, lengths
         Element strains (m, 6) and member lengths (k,).
+    alert
+        Steps to come that are divided because contact has changed, (1,).
     """
 
     x: Array
@@ -45,6 +47,7 @@ class State(NamedTuple):
     joint: Array
     strain: Array
     lengths: Array
+    alert: Ints
 
 
 # entries of the energy book, in this order [uJ]; the first three are states, the others sums over time
@@ -130,6 +133,11 @@ class Work(NamedTuple):
     touch: Ints  # (c,)
     operator: Array  # (3, 3), an example of the operator that the contact solver takes
     near: Near
+    settled: Ints  # (c,) lifted, sticking or slipping at the end, and how it slides (c, 2)
+    slid: Array
+    kept: State  # where a step that is divided began, and its sums
+    kept_book: Array
+    kept_tally: Array
     compliance: Array  # (6 f, 6 f) of the nodes that can come into contact
     response: Array  # (6 f, 3)
 
@@ -165,6 +173,11 @@ def work_for(state: State, n_blocks: int, n_touching: int, n_touches: int) -> Wo
         whole(c),
         np.zeros((3, 3)),
         near,
+        whole(c),
+        np.zeros((c, 2)),
+        copied(state),
+        np.zeros(len(BOOK)),
+        np.zeros((c, 5)),
         np.zeros((f, f)),
         np.zeros((f, 3)),
     ]

@@ -20,6 +20,7 @@ from fem_biobot.rod.dynamics import kernels
 from fem_biobot.rod.dynamics.arrays import BOOK, copied, work_for
 from fem_biobot.rod.dynamics.book.kernels import accept
 from fem_biobot.rod.dynamics.motion import Checkpoint, Motion, MotionInterrupted
+from fem_biobot.rod.dynamics.run.kernels import implicit_run
 from fem_biobot.rod.dynamics.settings import Integrator, Settings
 from fem_biobot.rod.dynamics.start import fits, plane_of, refuse_inside, refuse_massless, state_of
 from fem_biobot.rod.explicit import kernels as explicit_kernels
@@ -149,6 +150,7 @@ class _Kept(NamedTuple):
     iterations: int
     factorisations: int
     halved: int
+    divided: int
     worst: float
 
 
@@ -158,7 +160,7 @@ class _Run:
     def __init__(self, model: RodModel, ground: Ground | None, drive: Drive, settings: Settings, step: float) -> None:
         self.model, self.ground, self.drive, self.settings, self.step = model, ground, drive, settings, step
         self.samples: list[dict[str, Any]] = []
-        self.iterations = self.factorisations = self.halved = 0
+        self.iterations = self.factorisations = self.halved = self.divided = 0
         self.worst = 0.0
         self.level = 0  # how often the last step was divided for its error
 
@@ -225,15 +227,20 @@ class _Run:
         if explicit:
             calls: Any = _ExplicitCalls(by_address(explicit_kernels.joint_masses, A, S, W), friction)
             run = entry(explicit_kernels.explicit_run, A, S, state, P, 0.0, pulls, factors, calls, *rooms)
-            self.run = lambda h, pulls, factors: run(A, S, state, P, h, pulls, factors, calls, *rooms)
+            self.run = lambda h, after, pulls, factors: run(A, S, state, P, h, pulls, factors, calls, *rooms)
             return
         within = _StepCalls(by_address(kernels.factorise, A, S, 0.0, 0.0, row, W), friction)
         sizes = (self.arm, self.settings.tolerance, _MOST_ITERATIONS)
-        step = by_address(kernels.try_step, A, S, state, P, 0.0, 0.0, row, row, *sizes, True, within, W, self.scratch)
+        step = by_address(
+            kernels.try_step, A, S, state, P, 0.0, 0.0, 0.0, row, row, *sizes, True, within, W, self.scratch
+        )
         made = by_address(accept, A, S, state, 0.0, 0.0, row, W, self.book, self.tally)
         theta, limits = self.settings.theta, (*sizes, _ImplicitCalls(step, within, made))
-        run = entry(kernels.implicit_run, A, S, state, P, 0.0, 0.0, pulls, factors, *limits, *rooms)
-        self.run = lambda h, pulls, factors: run(A, S, state, P, h, theta(h), pulls, factors, *limits, *rooms)
+        parts = self.settings.parts if self.settings.largest_error is None else 1
+        run = entry(implicit_run, A, S, state, P, 0.0, 0.0, 0.0, parts, 0.0, pulls, factors, *limits, *rooms)
+        self.run = lambda h, after, pulls, factors: run(
+            A, S, state, P, h, theta(h), theta(h / parts), parts, after, pulls, factors, *limits, *rooms
+        )
 
     @property
     def time(self) -> float:
@@ -273,30 +280,35 @@ class _Run:
             self.n_steps += made
             left -= made
             if left:
-                self._halved(self.time, self.step, 1)
+                self._halved(self.time, self.step, self.step, 1)
                 self.n_steps += 1
                 left -= 1
 
-    def _advance(self, times: Array, h: float) -> int:
-        """Steps of length `h` between the times, as many as succeed."""
+    def _advance(self, times: Array, h: float, after: float | None = None) -> int:
+        """Steps of length `h` between the times, as many as succeed; one of length `after`, or as long, follows."""
         pulls, factors = self._tables(times)
-        made, self.outcome, *counts, residual = self.run(h, pulls, factors)
-        if counts:
-            self.iterations += counts[0]
-            self.factorisations += counts[1]
+        made, self.outcome, *work = self.run(h, after or h, pulls, factors)
+        if self.settings.integrator is Integrator.implicit:
+            iterations, factorisations, residual, divided = work
+            self.iterations += iterations
+            self.factorisations += factorisations
+            self.divided += divided
+        else:
+            residual = work[0]
         self.worst = max(self.worst, residual)
         return made
 
-    def _halved(self, time: float, h: float, depth: int) -> None:
-        """One step in two halves, each halved again if it fails."""
+    def _halved(self, time: float, h: float, after: float, depth: int) -> None:
+        """One step, before one of length `after`, in two halves, each halved again if it fails."""
         self.halved += 1
         for half in range(2):
             begin = time + half * h / 2
-            if self._advance(np.array([begin, begin + h / 2]), h / 2) == 1:
+            following = after if half else h / 2
+            if self._advance(np.array([begin, begin + h / 2]), h / 2, following) == 1:
                 continue
             if depth == _HALVINGS:
                 self._fail(begin, h / 2, _OUTCOMES[self.outcome])
-            self._halved(begin, h / 2, depth + 1)
+            self._halved(begin, h / 2, following, depth + 1)
 
     def _accurate(self, time: float, h: float, depth: int, first: int) -> None:
         """One step in two halves that agree with it, or in halves of which that is true; not tried before `first`."""
@@ -351,7 +363,7 @@ class _Run:
             }
         )
         final = Checkpoint(copied(s), self.book.copy(), self.time, self.n_steps, self.step, self.origin)
-        counts = (self.iterations, self.factorisations, self.halved, self.worst)
+        counts = (self.iterations, self.factorisations, self.halved, self.divided, self.worst)
         self.kept = _Kept(len(self.samples), final, *counts)
 
     def motion(self) -> Motion:
@@ -368,6 +380,7 @@ class _Run:
             iterations=kept.iterations,
             factorisations=kept.factorisations,
             halved=kept.halved,
+            divided=kept.divided,
             largest_residual=kept.worst,
             final=kept.final,
         )

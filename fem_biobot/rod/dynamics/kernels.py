@@ -9,10 +9,10 @@ Forces act in the configuration at ``theta`` with resultants of the averaged str
 rounding, with ``theta = 1/2`` angular momentum, too, and energy at second order. ``theta = 1/2 + c h`` keeps the scheme
 second order in smooth motion and dissipates high frequencies.
 
-A joint demands ``J v1 + g1 / h = 0`` and the ground ``0 <= J_n v1 + g1 / h`` complementary to its impulse, in the
-configuration at the end: the velocity that closes the gap g1 left there, so positions do not drift, nothing penetrates,
-and a part at rest stays where it is. The gap left is of third order; impulses act along the directions at theta, like
-forces. Impacts are inelastic, first order.
+A joint demands ``J v1 + g1 / H = 0`` and the ground ``0 <= J_n v1 + g1 / H`` complementary to its impulse, in the
+configuration at the end: the velocity that closes the gap g1 left there within the next step, of length H, so positions
+do not drift, nothing penetrates, and a part at rest stays where it is. The gap left is of third
+order; impulses act along the directions at theta, like forces. Impacts are inelastic, first order.
 
 The tangent matrix and its factors are kept from step to step and renewed when convergence slows (modified Newton); the
 contact problem is condensed on the nodes that carry contact points.
@@ -201,7 +201,7 @@ def _unbalance(held, arm, rhs, column):
 
 @njit(**INNER)
 def _joint_gaps(rows, theta, h, n, work):
-    """Write the right sides of the joints; returns the largest gap [mm, rad]."""
+    """Write the right sides of the joints, whose gaps close within `h`; returns the largest gap [mm, rad]."""
     worst = 0.0
     for j in range(rows.shape[0]):
         for r in range(6):
@@ -214,10 +214,12 @@ def _joint_gaps(rows, theta, h, n, work):
 
 @njit(**BY_ADDRESS)
 def try_step(
-    assembly, system, state, plane, h, theta, pull, load_factor, arm, tolerance, most, fresh, calls, work, scratch
-):
+    assembly, system, state, plane, h, theta, closing, pull, load_factor, arm, tolerance, most, fresh, calls, work,
+    scratch,
+):  # fmt: skip
     """Try one step of length `h` from `state`; its end goes to `work`.
 
+    `closing` is the length of the step that follows [s], within which gaps are to close.
     `pull` (k,), what drive adds to the members' tension [mN], and `load_factor` (l,) are averages over the step; `arm`
     [mm] makes moments comparable with forces; `fresh` tells that the factors in `work.blocks` belong to this `h`.
     Returns the outcome, iterations, factorisations and residual. `calls` are `factorise` and `solve_friction` by
@@ -249,7 +251,7 @@ def try_step(
         residual = _unbalance(held, arm, rhs, column)
         # a joint's gap as the impulse that would close it is of the size of the others; compare lengths
         allowed = max(tolerance * scale, rounding)
-        if _joint_gaps(assembly.constraints.rows, theta, h, n, work) > tolerance * arm:
+        if _joint_gaps(assembly.constraints.rows, theta * h / closing, closing, n, work) > tolerance * arm:
             residual = max(residual, 2.0 * allowed)
         if not np.isfinite(residual):
             return SLOW, iteration, factorisations, residual
@@ -270,19 +272,9 @@ def try_step(
             copy(rhs, free)
             solve(system.plan, work.blocks, free)
             trouble = solve_contacts(
-                assembly.touches.distance,
-                system.number,
-                state.touch,
-                state.slide,
-                plane,
-                h,
-                theta,
-                work.push,
-                work.push_ends,
-                calls.friction,
-                work,
-                scratch,
-            )
+                assembly.touches.distance, system.number, state.touch, state.slide, plane, closing, theta * h / closing,
+                work.push, work.push_ends, calls.friction, work, scratch,
+            )  # fmt: skip
             add_contact_impulses(work.push_ends, work.push, work.p, rhs)
         solve(system.plan, work.blocks, rhs)
         for i in range(n):
@@ -292,46 +284,3 @@ def try_step(
             for r in range(6):
                 work.joint1[j, r] += rhs[n + j, r]
     return (SLOW if trouble <= CONTACT_ACCEPTED else CONTACT), most, factorisations, residual
-
-
-@njit(cache=True, nogil=True)
-def implicit_run(
-    assembly, system, state, plane, h, theta, pulls, load_factors, arm, tolerance, most, calls, work, scratch, book,
-    tally,
-):  # fmt: skip
-    """Make steps of length `h` until one fails or the tables end; `state` is where it got to.
-
-    Parameters are tuples of arrays (see `rod.arrays`, `rod.system`, `rod.dynamics.arrays`). `pulls` (s + 1, k) [mN] and
-    `load_factors` (s + 1, l) hold the values at the ends of the steps. `calls` are `step`, `accept` and those `within`
-    a step, by address. `tally` takes sums over the steps: contact impulses, time in slip and time in contact of each
-    point, (c, 5). Returns the steps made, the outcome of the last try, iterations, factorisations, and the largest
-    residual accepted.
-    """
-    pull = np.empty(pulls.shape[1])
-    factors = np.empty(load_factors.shape[1])
-    iterations = 0
-    factorisations = 0
-    worst = 0.0
-    outcome = CONVERGED
-    residual = 0.0
-    fresh = h < 0.0  # false, but no constant, for which numba would compile the step once more
-    for i in range(pulls.shape[0] - 1):
-        for k in range(pull.shape[0]):
-            pull[k] = theta * pulls[i + 1, k] + (1.0 - theta) * pulls[i, k]
-        for k in range(factors.shape[0]):
-            factors[k] = theta * load_factors[i + 1, k] + (1.0 - theta) * load_factors[i, k]
-        again = True
-        while again:
-            outcome, tried, made, residual = calls.step(
-                assembly, system, state, plane, h, theta, pull, factors, arm, tolerance, most, fresh, calls.within,
-                work, scratch,
-            )  # fmt: skip
-            iterations += tried
-            factorisations += made
-            again = outcome != CONVERGED and fresh  # old factors may be to blame
-            fresh = outcome == CONVERGED
-        if outcome != CONVERGED:
-            return i, outcome, iterations, factorisations, worst
-        worst = max(worst, residual)
-        calls.accept(assembly, system, state, h, theta, factors, work, book, tally)
-    return pulls.shape[0] - 1, CONVERGED, iterations, factorisations, worst

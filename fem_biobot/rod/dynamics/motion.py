@@ -76,8 +76,8 @@ class Motion:
         Energies at the samples, (s, 11) [uJ]; columns are `BOOK`.
     drive
         Of the muscles, (s,) [1].
-    steps, iterations, factorisations, halved
-        How much work it was, and how many steps had to be halved.
+    steps, iterations, factorisations, halved, divided
+        How much work it was, how many steps had to be halved, and how many were divided because contact changed.
     largest_residual
         Of the steps accepted, relative: of momentum for implicit steps (as `Settings.tolerance`), of the contact
         problem for explicit ones.
@@ -102,6 +102,7 @@ class Motion:
     iterations: int
     factorisations: int
     halved: int
+    divided: int
     largest_residual: float
     final: Checkpoint
 

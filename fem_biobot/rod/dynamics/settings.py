@@ -31,6 +31,10 @@ class Settings:
     tolerance
         Implicit only: unbalanced impulse relative to the largest that acts, and gaps of joints relative to an element's
         length [1]. Rounding of momenta and of the stiffest forces is allowed beyond it.
+    parts
+        Implicit only: a step in which one of the ground's contact points begins or ceases to touch, to stick or to
+        slip, or turns its slip round, is made again in so many parts, and so are the two steps after it; 1 for none.
+        See `rod.dynamics.run.kernels`. Of no use where the step adapts.
     largest_error
         Implicit only: adapts the step. Each is compared with two of half its length and divided until, for no node,
         its positions at the end and those to which its velocities lead in one such step differ by more than this [mm];
@@ -41,6 +45,7 @@ class Settings:
     integrator: Integrator = Integrator.implicit
     dissipation: float = 20.0
     tolerance: float = 1e-9
+    parts: int = 4
     largest_error: float | None = None
 
     def __post_init__(self) -> None:
@@ -53,6 +58,8 @@ class Settings:
             raise ModelError(f"settings: dissipation: found {self.dissipation!r}, expected a number of at least 0 1/s")
         if not _number(self.tolerance) or not 1e-12 <= self.tolerance <= 1e-3:
             raise ModelError(f"settings: tolerance: found {self.tolerance!r}, expected a number from 1e-12 to 1e-3")
+        if not isinstance(self.parts, int | np.integer) or isinstance(self.parts, bool) or not 1 <= self.parts <= 1000:
+            raise ModelError(f"settings: parts: found {self.parts!r}, expected a whole number from 1 to 1000")
         if self.largest_error is None:
             return
         if not _number(self.largest_error) or not self.largest_error > 0.0:

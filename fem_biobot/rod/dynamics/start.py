@@ -49,10 +49,8 @@ def state_of(assembly: Assembly, start: RodState) -> State:
     assembly_kernels.measure(assembly, x, Q, strain, lengths)
     v = np.array(start.v, dtype=float)
     v[assembly.inertia.held == 1] = 0.0
-    touch = np.full(c, STICK, dtype=np.int64)
-    return State(
-        x, Q, v, np.zeros((n, 6)), np.zeros((c, 3)), touch, np.zeros((c, 2)), np.zeros((j, 6)), strain, lengths
-    )
+    no_contact = (np.zeros((c, 3)), np.full(c, STICK, dtype=np.int64), np.zeros((c, 2)))
+    return State(x, Q, v, np.zeros((n, 6)), *no_contact, np.zeros((j, 6)), strain, lengths, np.zeros(1, dtype=np.int64))
 
 
 def fits(state: State, like: State) -> bool:

@@ -139,7 +139,7 @@ def _drag(drags, Q, v, change, h, middle, drag, force):
 
 @njit(cache=True, nogil=True)
 def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, work, scratch, book, tally):
-    """Make steps of length `h`; parameters and tallies as in `rod.dynamics.kernels.implicit_run`.
+    """Make steps of length `h`; parameters and tallies as in `rod.dynamics.run.kernels.implicit_run`.
 
     `state.strain` and `state.lengths` hold those of the last half step, from which rates are taken. Returns the steps
     made, the outcome and the largest residual of the contact problem.
@@ -204,26 +204,18 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
                 _free_compliance(inertia, inverse, system.touching, work)
             even_out(system.foot, system.touching.shape[0], plane.axes, state.touch, work.rows, work.p)
             trouble = solve_contacts(
-                assembly.touches.distance,
-                system.number,
-                state.touch,
-                state.slide,
-                plane,
-                h,
-                0.0,
-                work.rows,
-                work.ends,
-                calls.friction,
-                work,
-                scratch,
-            )
+                assembly.touches.distance, system.number, state.touch, state.slide, plane, h, 0.0, work.rows,
+                work.ends, calls.friction, work, scratch,
+            )  # fmt: skip
             if not trouble <= CONTACT_ACCEPTED:
                 outcome = CONTACT
                 break
             worst = max(worst, trouble)
             add_contact_impulses(work.ends, work.rows, work.p, rhs)
             copy(work.p, state.impulse)
-            settle_contacts(state, work)
+            settle_contacts(work)
+            copy_row(work.settled, state.touch)
+            copy(work.slid, state.slide)
         if jointed:
             solve(system.plan, work.blocks, rhs)
             for i in range(n):

@@ -129,19 +129,19 @@ def solve_contacts(
 
 
 @njit(**INNER)
-def settle_contacts(state, work):
-    """Write stick, slip or lift of all contacts at the end of an accepted step, and how they slide, to `state`."""
+def settle_contacts(work):
+    """Write stick, slip or lift of all contacts at the end of a converged step, and how they slide, to `work`."""
     near = work.near
     a = near.number[0]
     settle(near.b[:a], near.w[:a], near.touch[:a], near.slide[:a], CONTACT_TOLERANCE)
-    for i in range(state.touch.shape[0]):
-        state.touch[i] = LIFTED
+    for i in range(work.settled.shape[0]):
+        work.settled[i] = LIFTED
         for k in range(2):
-            state.slide[i, k] = 0.0
+            work.slid[i, k] = 0.0
     for i in range(a):
-        state.touch[near.order[i]] = near.touch[i]
+        work.settled[near.order[i]] = near.touch[i]
         for k in range(2):
-            state.slide[near.order[i], k] = near.slide[i, k]
+            work.slid[near.order[i], k] = near.slide[i, k]
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,1 @@
+"""A sequence of implicit steps, divided where contact changes."""

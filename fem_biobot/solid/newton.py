@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fem_biobot.material.law import Array
+from fem_biobot.material.law import Array, OutsideLawError
 from fem_biobot.solid.linear import (
     Factorisation,
     NotPositiveDefiniteError,
@@ -299,5 +299,5 @@ def refuse_unstable(system: System, solver: LinearSolver, state: Equilibrium) ->
 def _points(system: System, u: Array, p: Array, step: Step, F: Array | None = None) -> Points:
     try:
         return system.points(system.deformation_gradient(u) if F is None else F, step.tension, p)
-    except InvertedError as error:
+    except (InvertedError, OutsideLawError) as error:
         raise StepFailedError(str(error)) from None

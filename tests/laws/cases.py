@@ -20,8 +20,11 @@ from fem_biobot.material import (
     NaturalState,
     NeoHooke,
     force_length,
+    law_from,
 )
+from fem_biobot.material.laws import has_fibres
 from tests.helpers import unit
+from tests.oracles.laws import PARAMETERS
 
 Array = NDArray[np.float64]
 
@@ -63,11 +66,21 @@ class Case:
     plane: bool = False
 
 
-def _passive(name: str) -> Callable[..., Law]:
-    def make(young: float = YOUNG, poisson: float = POISSON) -> Law:
-        return LAWS[name](young, poisson)
+def make_law(name: str, young: float = YOUNG, poisson: float = POISSON, a0: Array = FIBRE, **own: float) -> Law:
+    """A law of the table with the battery's parameters, others by name; fibres are passed over where it has none."""
+    return law_from(name, young, poisson, a0, **{**PARAMETERS[name], **own})
 
-    return make
+
+def _passive(name: str) -> Case:
+    """The case of a law of the table: each of its parameters changed by a tenth must matter."""
+    changed = {own: 1.1 * value for own, value in PARAMETERS[name].items()}
+    fibres = {"a0": unit(0.3, -0.7, 0.6)} if has_fibres(name) else {}
+    return Case(
+        name,
+        lambda **given: make_law(name, **given),
+        {"young": 1.1 * YOUNG, "poisson": 1.1 * POISSON, **changed, **fibres},
+        fibre=FIBRE if has_fibres(name) else None,
+    )
 
 
 def _natural(F0: Array = F0, law: Law | None = None) -> Law:
@@ -123,7 +136,7 @@ STRESSES = [c for c in Convention if c is not Convention.active_strain]
 TENSION = {"tension": 8.0, "a0": OTHER}
 
 CASES = [
-    *(Case(name, _passive(name), {"young": 1.1 * YOUNG, "poisson": 1.1 * POISSON}) for name in LAWS),
+    *(_passive(name) for name in LAWS),
     Case(
         "natural_state",
         _natural,

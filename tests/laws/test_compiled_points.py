@@ -17,13 +17,14 @@ from fem_biobot.material import (
     NaturalState,
     NeoHooke,
     fibre_tension,
+    isochoric,
     natural_state,
     neo_hooke,
 )
 from fem_biobot.material.fibre_tension import fibre_stretch
 from fem_biobot.material.law import PAIRS, add_law, at_elements, is_symmetric
 from tests.helpers import generator, generic_gradients, plain_python, unchanged, unpack, unpack_tangent
-from tests.laws.cases import CASES, F0, FIBRE, POISSON, YOUNG, Case
+from tests.laws.cases import CASES, F0, FIBRE, POISSON, YOUNG, Case, make_law
 
 EPS = np.finfo(float).eps
 ROUNDING = 2000 * EPS
@@ -41,6 +42,7 @@ def mode(request: pytest.FixtureRequest) -> Iterator[str]:
     with ExitStack() as stack:
         if request.param == "plain":
             stack.enter_context(plain_python(neo_hooke, "neo_hooke_points"))
+            stack.enter_context(plain_python(isochoric, "invariants", "add_invariant_points"))
             stack.enter_context(plain_python(fibre_tension, "tension_points"))
             stack.enter_context(plain_python(natural_state, "pull_back_points"))
         yield request.param
@@ -159,6 +161,8 @@ VARIED = {
     "integrated": AngularTension(TENSIONS, FIELDS, Dispersion(0.3, "solid"), "kirchhoff"),
     "active_strain": ActiveStrain(TENSIONS, FIELDS, NeoHooke(YOUNG, POISSON)),
     "natural_state": NaturalState(_Bare(NeoHooke(YOUNG, POISSON)), F0[:, :, None] + 0.02 * FIELDS),
+    "fibres_inside": NaturalState(make_law("guccione", a0=FIELDS), F0[:, :, None] + 0.02 * FIELDS),
+    "rest": make_law("blemker", a0=FIELDS).split()[0],
     "nested": NaturalState(NaturalState(NeoHooke(YOUNG, POISSON), F0[:, :, None] + 0.02 * FIELDS), F0),
 }
 

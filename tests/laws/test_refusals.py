@@ -41,7 +41,7 @@ def test_passive_moduli_out_of_range_are_refused(name: str, young: float, poisso
     Catches: no check; a check that lets NaN through.
     """
     with pytest.raises(ModelError, match=word):
-        law_from(name, young, poisson)
+        law_from(name, young, poisson, FIBRE)
 
 
 def test_an_unknown_law_is_refused_with_the_known_ones() -> None:

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from tests.oracles.laws import principal
+from tests.oracles.laws import at_point
 
 Array = NDArray[np.float64]
 
 
 def traction(name: str, c: Array, moduli: tuple[float, float], tension: float, a0: Array) -> Array:
-    """``P e3`` of a layer with active tension along a0."""
+    """``P e3`` of a layer with active tension along a0, which is also the fibre of a law that has one."""
     F = np.eye(3) + np.outer(c, [0.0, 0.0, 1.0])
     a = F @ a0
-    return principal(name, F, *moduli)[1][:, 2] + tension * a / np.linalg.norm(a) * a0[2]
+    return at_point(name, F, *moduli, a0)[1][:, 2] + tension * a / np.linalg.norm(a) * a0[2]
 
 
 def two_layers(

@@ -2,7 +2,7 @@
 
 Problem: a block on a mesh with displaced inner vertices, displacement given on its boundary (or on its ends only).
 Exact answer: piecewise linear displacement; stretch across and end force from scalar equations of the law, traction
-    between two layers from its continuity (tests/oracles), all laws in principal stretches.
+    between two layers from its continuity (tests/oracles); laws with fibres by their own twins.
 Measured: displacement of every node, F at every quadrature point, reactions on faces.
 Tolerance: 1e-10 of the size; rounding grown by the solve (residual to 1e-13 of the force scale).
 Cannot see: rates, bending, elements other than straight-sided ones.
@@ -18,7 +18,8 @@ from fem_biobot.material import LAWS, ActiveStress
 from fem_biobot.solid.model import SolidModel, solve
 from fem_biobot.solid.records import Fix, Symmetry, Traction
 from tests.helpers import TIGHT, box_mesh, hold_everywhere, unit
-from tests.oracles.laws import PRINCIPAL, principal
+from tests.laws.cases import FIBRE, make_law
+from tests.oracles.laws import ISOTROPIC, PARAMETERS, at_point
 from tests.oracles.layers import two_layers
 
 YOUNG, POISSON = 14.2, 0.42
@@ -26,9 +27,15 @@ SIZE = (1.2, 0.9, 1.5)
 CLOSE = 1e-10
 
 every_law = pytest.mark.parametrize("name", list(LAWS))
+isotropic_laws = pytest.mark.parametrize("name", list(ISOTROPIC))
 every_element = pytest.mark.parametrize("element", ["P2", "P1", "P2-P1"])
 # linear elements are asked for more than they bear; a homogeneous state does not lock
 pytestmark = pytest.mark.filterwarnings("ignore::fem_biobot.solid.space.LockingWarning")
+
+
+def _principal(name: str, along: float, across: float) -> np.ndarray:
+    """Principal first Piola stresses of a bar, (3,) [kPa]."""
+    return ISOTROPIC[name](np.array([along, across, across]), YOUNG, POISSON, PARAMETERS[name])[1]
 
 
 @every_law
@@ -39,19 +46,21 @@ def test_a_linear_displacement_of_the_boundary_fills_the_block(name: str, elemen
     Catches: slopes mapped with the inverse transposed, weights of another rule, midpoints out of order.
     """
     F = np.array([[1.21, 0.34, -0.12], [0.08, 0.83, 0.27], [-0.19, 0.05, 1.13]])
+    if name == "blemker":  # not elliptic where fibres are short and sheared at once
+        F = 0.5 * (F + np.eye(3))
     given = hold_everywhere(lambda X: (F - np.eye(3)) @ X)
-    model = SolidModel(box_mesh(2, SIZE), {"muscle": LAWS[name](YOUNG, POISSON)}, supports=given, element=element)
+    model = SolidModel(box_mesh(2, SIZE), {"muscle": make_law(name, YOUNG, POISSON)}, supports=given, element=element)
     state = solve(model, settings=TIGHT).last
     exact = (F - np.eye(3)) @ model.system.space.points
     np.testing.assert_allclose(state.u, exact, rtol=0.0, atol=CLOSE)
-    _, P = principal(name, F, YOUNG, POISSON)
+    _, P = at_point(name, F, YOUNG, POISSON, FIBRE)
     # P is constant, so reactions times positions sum to its integral
     virial = state.internal_force @ model.system.space.points.T
     volume = float(np.prod(SIZE))
     np.testing.assert_allclose(virial, volume * P, rtol=0.0, atol=CLOSE * YOUNG * volume)
 
 
-@every_law
+@isotropic_laws
 @pytest.mark.parametrize("element", ["P2", "P2-P1"])
 @pytest.mark.parametrize("stretch", [0.6, 1.5])
 def test_a_bar_between_its_ends_obeys_the_scalar_equations(name: str, stretch: float, element: str) -> None:
@@ -59,12 +68,10 @@ def test_a_bar_between_its_ends_obeys_the_scalar_equations(name: str, stretch: f
 
     Catches: free surfaces that carry traction, a reaction with the wrong sign, force per current area.
     """
-    across = brentq(
-        lambda t: PRINCIPAL[name](np.array([stretch, t, t]), YOUNG, POISSON)[1], 0.3, 2.0, xtol=1e-15, rtol=1e-15
-    )
-    force = PRINCIPAL[name](np.array([stretch, across, across]), YOUNG, POISSON)[0] * SIZE[1] * SIZE[2]
+    across = brentq(lambda t: _principal(name, stretch, t)[1], 0.5, 1.5, xtol=1e-15, rtol=1e-15)
+    force = _principal(name, stretch, across)[0] * SIZE[1] * SIZE[2]
     supports = [Symmetry("x0"), Symmetry("y0"), Symmetry("z0"), Fix("x1", "x", (stretch - 1.0) * SIZE[0])]
-    laws = {"muscle": LAWS[name](YOUNG, POISSON)}
+    laws = {"muscle": make_law(name, YOUNG, POISSON)}
     model = SolidModel(box_mesh(2, SIZE), laws, supports=supports, element=element)
     state = solve(model, [0.5, 1.0], settings=TIGHT).last
     expected = np.diag([stretch, across, across])[:, :, None, None]
@@ -74,20 +81,18 @@ def test_a_bar_between_its_ends_obeys_the_scalar_equations(name: str, stretch: f
     np.testing.assert_allclose(state.reaction("x0"), [-force, 0.0, 0.0], rtol=0.0, atol=CLOSE * scale)
 
 
-@every_law
+@isotropic_laws
 def test_a_pulled_bar_reaches_the_stretch_of_its_dead_load(name: str) -> None:
     """The same bar under the end traction of the scalar equations has their stretches.
 
     Catches: tractions on the current area or along the current normal, a lost factor of the triangle's area.
     """
     stretch = 1.4
-    across = brentq(
-        lambda t: PRINCIPAL[name](np.array([stretch, t, t]), YOUNG, POISSON)[1], 0.3, 2.0, xtol=1e-15, rtol=1e-15
-    )
-    pull = float(PRINCIPAL[name](np.array([stretch, across, across]), YOUNG, POISSON)[0])
+    across = brentq(lambda t: _principal(name, stretch, t)[1], 0.5, 1.5, xtol=1e-15, rtol=1e-15)
+    pull = float(_principal(name, stretch, across)[0])
     model = SolidModel(
         box_mesh(2, SIZE),
-        {"muscle": LAWS[name](YOUNG, POISSON)},
+        {"muscle": make_law(name, YOUNG, POISSON)},
         supports=[Symmetry("x0"), Symmetry("y0"), Symmetry("z0")],
         loads=[Traction("x1", (pull, 0.0, 0.0))],
     )
@@ -105,9 +110,9 @@ def test_simple_shear_needs_the_forces_of_the_law(name: str) -> None:
     g = 0.7
     F = np.eye(3)
     F[0, 1] = g
-    _, P = principal(name, F, YOUNG, POISSON)
+    _, P = at_point(name, F, YOUNG, POISSON, FIBRE)
     given = hold_everywhere(lambda X: np.stack([g * X[1], 0 * X[1], 0 * X[1]]))
-    model = SolidModel(box_mesh(2, SIZE), {"muscle": LAWS[name](YOUNG, POISSON)}, supports=given)
+    model = SolidModel(box_mesh(2, SIZE), {"muscle": make_law(name, YOUNG, POISSON)}, supports=given)
     state = solve(model, settings=TIGHT).last
     area = SIZE[0] * SIZE[2]
     # opposite side faces are meshed alike, so their share in the edge nodes cancels
@@ -127,14 +132,14 @@ def test_two_regions_share_a_traction_across_their_interface(name: str, element:
     heights = (0.5 * SIZE[2], 0.5 * SIZE[2])
     top = np.array([0.35, -0.2, -0.22])
     low, high, traction = two_layers(name, heights, top, moduli, (6.0, 0.0), a0)
-    assert np.linalg.norm(low - high) > 0.3
+    assert np.linalg.norm(low - high) > 0.2
 
     def exact(X: np.ndarray) -> np.ndarray:
         below = np.minimum(X[2], heights[0])
         return np.outer(low, below) + np.outer(high, X[2] - below)
 
     mesh = box_mesh(2, SIZE, layers=(0.5, 1.0), names=("muscle", "skeleton"))
-    materials = {"muscle": LAWS[name](*moduli[0]), "skeleton": LAWS[name](*moduli[1])}
+    materials = {"muscle": make_law(name, *moduli[0], a0), "skeleton": make_law(name, *moduli[1], a0)}
     model = SolidModel(mesh, materials, {"muscle": ActiveStress(6.0, a0)}, hold_everywhere(exact), element=element)
     state = solve(model, [0.5, 1.0], settings=TIGHT).last
     np.testing.assert_allclose(state.u, exact(model.system.space.points), rtol=0.0, atol=CLOSE)

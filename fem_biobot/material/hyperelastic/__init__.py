@@ -1,0 +1,1 @@
+"""Compiled point stage of laws written in invariants."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from fem_biobot.design_parts import FIBRE_LAWS, LAW_PARAMETERS
 from fem_biobot.errors import DesignError
 from fem_biobot.units import expected_text, format_quantity, shown
 
@@ -60,6 +61,8 @@ def check_fit(design: Design) -> None:
     _check_parts(design)
     _check_times_and_friction(design)
     _check_element(design)
+    _check_laws(design)
+    _check_tension(design)
     if design.kind == "bot" and design.skeleton is not None and design.muscle is not None:
         _check_skeleton(design, design.skeleton)
         _check_muscle(design, design.skeleton, design.muscle)
@@ -138,6 +141,44 @@ def _check_element(design: Design) -> None:
                 f"{name}.material.poisson: found {part.material.poisson:.12g}, expected between 0 and "
                 f'{_MOST_POISSON:g} with mesh.element "P2", which locks nearer to 0.5; mesh.element "P2-P1" does not'
             )
+
+
+def _check_laws(design: Design) -> None:
+    """Parameters of other laws than the one chosen, and fibres where there are none."""
+    for name in ("skeleton", "muscle"):
+        part = getattr(design, name)
+        if part is None:
+            continue
+        law, own = part.material.law, LAW_PARAMETERS[part.material.law]
+        if name == "skeleton" and law in FIBRE_LAWS:
+            raise DesignError(f"skeleton.material.law: found {law}, expected a law without fibres for the hydrogel")
+        for key in {key: None for keys in LAW_PARAMETERS.values() for key in keys}:
+            value = getattr(part.material, key)
+            if value is not None and key not in own:
+                expected = f"one of {', '.join(own)}" if own else "none"
+                raise DesignError(
+                    f"{name}.material.{key}: found {value:g}, a parameter that the law {law} does not have, "
+                    f"expected {expected}"
+                )
+
+
+def _check_tension(design: Design) -> None:
+    """Ways of stating the tension that do not go together."""
+    muscle = design.muscle
+    if muscle is None:
+        return
+    if muscle.optimal_stretch is not None and muscle.force_length == "none":
+        raise DesignError(
+            f"muscle.optimal_stretch: found {muscle.optimal_stretch:g}, expected none without muscle.force_length"
+        )
+    if muscle.transverse > 0.0 and muscle.force_length != "none":
+        raise DesignError(
+            f"muscle.transverse: found {muscle.transverse:g}, expected 0 with muscle.force_length {muscle.force_length}"
+        )
+    extras = {"spread": muscle.spread, "transverse": muscle.transverse, "force_length": muscle.force_length != "none"}
+    if muscle.convention == "active_strain" and any(extras.values()):
+        key = next(name for name, given in extras.items() if given)
+        raise DesignError(f"muscle.{key}: found with muscle.convention active_strain, expected it with a tension only")
 
 
 def _check_skeleton(design: Design, skeleton: Skeleton) -> None:

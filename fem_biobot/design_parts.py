@@ -61,16 +61,48 @@ Poisson = Annotated[
     float,
     Quantity("1", 0.0, 0.5),
 ]
-Spread = Annotated[float, Quantity("rad", 0.0, 0.0, note="dispersion of the fibres is not modelled yet")]
+Spread = Annotated[float, Quantity("rad", 0.0, math.radians(51.5), note="fibres without preference have 51.96 deg")]
+# a law's own parameter, left to the law's default where it is absent
+OptionalModulus = Annotated[float | None, Quantity("kPa", 0.0)]
+SignedModulus = Annotated[float | None, Quantity("kPa")]
+OptionalNumber = Annotated[float | None, Quantity("1", 0.0)]
+OptionalPositive = Annotated[float | None, Quantity("1", 0.0, low_open=True)]
+OptionalShare = Annotated[float | None, Quantity("1", 0.0, 1.0)]
+OptionalThird = Annotated[float | None, Quantity("1", 0.0, 1.0 / 3.0)]
 
 Kind = Literal["bot", "strip", "cantilever"]
-Law = Literal["neo_hooke"]
+Law = Literal[
+    "neo_hooke",
+    "neo_hooke_isochoric",
+    "mooney_rivlin",
+    "yeoh",
+    "gent",
+    "guccione",
+    "holzapfel_ogden",
+    "blemker",
+]
 Layout = Literal["junction", "ring"]
 Reference = Literal["as_moulded", "remodelled"]
-Convention = Literal["nominal"]
+Convention = Literal["nominal", "second_piola", "kirchhoff", "cauchy", "active_strain"]
+ForceLength = Literal["none", "blemker_2005", "gordon_1966"]
+SpreadKind = Literal["planar", "planar_von_mises", "solid"]
 Waveform = Literal["abs_sine", "constant"]
 Immersion = Literal["air", "submerged"]
 Element = Literal["P2", "P2-P1"]
+
+
+# the parameters of each law besides the two moduli, and the laws that take the muscle's fibres
+LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
+    "neo_hooke": (),
+    "neo_hooke_isochoric": (),
+    "mooney_rivlin": ("second_share",),
+    "yeoh": ("c2", "c3"),
+    "gent": ("chain_limit",),
+    "guccione": ("exponent_fibre", "exponent_across", "exponent_shear"),
+    "holzapfel_ogden": ("fibre_modulus", "fibre_exponent", "fibre_dispersion"),
+    "blemker": ("ground", "fibre_peak", "fibre_onset", "fibre_exponent", "optimal_stretch", "straight_stretch"),
+}
+FIBRE_LAWS = ("guccione", "holzapfel_ogden", "blemker")
 
 
 class Record(BaseModel, frozen=True, extra="forbid", strict=True):
@@ -84,6 +116,27 @@ class Material(Record, frozen=True):
     young: Modulus = Field(description="Young's modulus at small strain [kPa]")
     poisson: Poisson = Field(description="Poisson's ratio at small strain [1]")
     density: Density = Field(description="Mass per reference volume [kg/mm^3]")
+    second_share: OptionalShare = Field(default=None, description="mooney_rivlin: c2 over c1 + c2 [1]")
+    c2: SignedModulus = Field(default=None, description="yeoh: coefficient of the square [kPa]")
+    c3: OptionalModulus = Field(default=None, description="yeoh: coefficient of the cube [kPa]")
+    chain_limit: OptionalPositive = Field(default=None, description="gent: I1 - 3 at which chains are drawn out [1]")
+    exponent_fibre: OptionalPositive = Field(default=None, description="guccione: exponent along the fibre [1]")
+    exponent_across: OptionalPositive = Field(default=None, description="guccione: exponent across the fibre [1]")
+    exponent_shear: OptionalPositive = Field(default=None, description="guccione: exponent of shear along it [1]")
+    fibre_modulus: OptionalModulus = Field(default=None, description="holzapfel_ogden: modulus of the fibres [kPa]")
+    fibre_exponent: OptionalPositive = Field(
+        default=None, description="holzapfel_ogden, blemker: exponent of the fibres' stiffening [1]"
+    )
+    fibre_dispersion: OptionalThird = Field(
+        default=None, description="holzapfel_ogden: 0 for parallel fibres, 1/3 for random ones [1]"
+    )
+    ground: OptionalNumber = Field(default=None, description="blemker: stiffness of slack fibres over E [1]")
+    fibre_peak: OptionalModulus = Field(default=None, description="blemker: stress that scales the fibres [kPa]")
+    fibre_onset: OptionalNumber = Field(default=None, description="blemker: scale of the exponential, P1 [1]")
+    optimal_stretch: OptionalPositive = Field(default=None, description="blemker: stretch where fibres begin [1]")
+    straight_stretch: OptionalPositive = Field(
+        default=None, description="blemker: stretch beyond which their tension rises in a straight line [1]"
+    )
 
 
 class Skeleton(Record, frozen=True):
@@ -124,13 +177,26 @@ class Muscle(Record, frozen=True):
         description="as_moulded: stress-free at pillar spacing; remodelled: stress-free in the passive shape",
     )
     theta: Angle = Field(description="Angle from the lateral axis to the fibre; 90 deg is along the machine [rad]")
-    spread: Spread = Field(default=0.0, description="Standard deviation of the fibre angle; only 0 deg so far [rad]")
+    spread: Spread = Field(default=0.0, description="Standard deviation of the fibre angle in a picture [rad]")
+    spread_kind: SpreadKind = Field(
+        default="planar",
+        description="How fibres spread: planar and planar_von_mises in the muscle's plane, solid about their mean",
+    )
     gamma: Fraction = Field(default=1.0, description="Viable fraction; scales the passive and the active tension [1]")
     passive_tension: Tension = Field(description="Standing tension of the compacted tissue along the fibre [kPa]")
     active_tension: Tension = Field(description="Tension that stimulation adds at full drive [kPa]")
     convention: Convention = Field(
-        default="nominal", description="nominal: force per reference area, psi = T (stretch - 1)"
+        default="nominal",
+        description="nominal: force per reference area; second_piola: times the stretch s; kirchhoff: over s; cauchy: "
+        "per current area; active_strain: the tissue's natural length shrinks instead",
     )
+    force_length: ForceLength = Field(
+        default="none", description="How the tension depends on the fibre's stretch: none, or a curve of native muscle"
+    )
+    optimal_stretch: OptionalPositive = Field(
+        default=None, description="Stretch of greatest force of that curve, 1 if left out [1]"
+    )
+    transverse: Fraction = Field(default=0.0, description="Tension across the fibres over that along them [1]")
     material: Material = Field(description="Tissue without its tension")
 
 

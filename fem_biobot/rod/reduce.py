@@ -27,6 +27,13 @@ from fem_biobot.rod.section import RodMaterial, Section
 
 Array = NDArray[np.float64]
 GRAVITY = 9810.0  # mm/s^2
+# how a muscle's tension must be stated for members that pull along one line by their nominal tension
+_PLAIN_TENSION: dict[str, object] = {
+    "muscle.convention": "nominal",
+    "muscle.spread": 0.0,
+    "muscle.transverse": 0.0,
+    "muscle.force_length": "none",
+}
 
 
 class PlateFactor(StrEnum):
@@ -171,7 +178,8 @@ def reduce(
     Raises
     ------
     ModelError
-        A strip, which is muscle alone; a number of elements that is odd or below two; a part without density.
+        A strip, which is muscle alone; a number of elements that is odd or below two; a part without density; a
+        muscle whose tension is stated in a way that members, which pull along one line, do not have.
 
     Notes
     -----
@@ -236,6 +244,10 @@ def _cantilever(design: Design, elements: int, factor: PlateFactor) -> RodModel:
 def _bot(design: Design, elements: int, factor: PlateFactor, strands: Strands) -> dict[str, Any]:
     """Arguments of the model."""
     s, m = design.value("skeleton"), design.value("muscle")
+    for key, plain in _PLAIN_TENSION.items():
+        if design.value(key) != plain:
+            found = design.value(key)
+            raise ModelError(f"{key}: found {found}, expected {plain} for a rod model, whose muscles are lines")
     for key in ("skeleton.material.density", "muscle.material.density"):
         if not design.value(key) > 0.0:
             raise ModelError(f"{key}: found {design.value(key):g} kg/mm^3, expected a density above 0 for a rod model")

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from fem_biobot.design import Design
-from fem_biobot.errors import MeshError
-from fem_biobot.material.active import ActiveStress, Convention
-from fem_biobot.material.law import Law
+from fem_biobot.design_parts import LAW_PARAMETERS, Material
+from fem_biobot.errors import DesignError, MeshError
+from fem_biobot.material.active import ActiveStress
+from fem_biobot.material.dispersion import Dispersion
+from fem_biobot.material.force_length import force_length
+from fem_biobot.material.law import Array, Law
 from fem_biobot.material.laws import law_from
 from fem_biobot.material.natural_state import NaturalState, isochoric_contraction
 from fem_biobot.mesh.body import BodyMesh
@@ -22,7 +25,7 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
     A tension factor of 1 is the tension at full drive, ``design.tension(drive.amplitude)``, or 1 kPa where the design
     has none. Bots are held on three points against the six rigid motions, which carries no force; a strip stands on
     its minus end, free to slide and narrow in that plane (which holds the shear of oblique fibres there); a cantilever
-    is clamped.
+    is clamped. Planar spread of fibres is in the x-y plane.
     """
     materials: dict[str, Law] = {}
     active: dict[str, ActiveStress] = {}
@@ -34,16 +37,43 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
             raise MeshError(
                 f"{region}: found no such region in the mesh ({', '.join(mesh.regions)}), expected one for this design"
             )
-        materials[region] = law_from(part.material.law, part.material.young, part.material.poisson)
+        materials[region] = _law(part.material, _fibres(design, mesh) if region == "muscle" else None)
     if design.muscle is not None:
-        active["muscle"] = ActiveStress(
-            tension_unit(design), fibre_field(design, mesh), Convention(design.muscle.convention)
-        )
+        active["muscle"] = tension_of(design, fibre_field(design, mesh))
     loads: list[Traction | BodyForce] = []
     if design.kind == "cantilever" and design.skeleton is not None and design.load is not None:
         area = design.skeleton.beam_width * design.skeleton.beam_thickness
         loads.append(Traction("tip", (0.0, 0.0, design.load.tip_force / area)))
     return SolidModel(mesh, materials, active, supports(design, mesh), loads, element=design.mesh.element)
+
+
+def _law(material: Material, a0: Array | None) -> Law:
+    """Passive law of a part with the parameters that its design gives; fibres over all elements, or none."""
+    own = {name: getattr(material, name) for name in LAW_PARAMETERS[material.law]}
+    given = {name: value for name, value in own.items() if value is not None}
+    return law_from(material.law, material.young, material.poisson, a0, **given)
+
+
+def _fibres(design: Design, mesh: BodyMesh) -> Array:
+    """The muscle's fibres over all elements of the mesh, (3, e) [1]; elsewhere along x, where no law asks for them."""
+    a0 = np.repeat(np.eye(3)[:, :1], mesh.cells.shape[1], axis=1)
+    a0[:, mesh.regions["muscle"]] = fibre_field(design, mesh)
+    return a0
+
+
+def tension_of(design: Design, a0: Array) -> ActiveStress:
+    """Active tension of a design's muscle at full drive along `a0`, (3,) or (3, e) [1]."""
+    muscle = design.muscle
+    if muscle is None:
+        raise DesignError(f"muscle: found none (kind {design.kind}), expected one for an active tension")
+    return ActiveStress(
+        tension_unit(design),
+        a0,
+        muscle.convention,
+        force_length(muscle.force_length, muscle.optimal_stretch or 1.0),
+        muscle.transverse,
+        Dispersion(muscle.spread, muscle.spread_kind) if muscle.spread else None,
+    )
 
 
 def tension_unit(design: Design) -> float:

@@ -17,7 +17,8 @@ from scipy.interpolate import CubicSpline
 
 from fem_biobot.design import Design
 from fem_biobot.errors import MeshError
-from fem_biobot.material.law import PAIRS, Array, inverse, volume_ratio
+from fem_biobot.material.active_strain import ActiveStrain
+from fem_biobot.material.law import PAIRS, Array, add_law, inverse, is_symmetric, volume_ratio
 from fem_biobot.muscle.fibres import in_junction, junction_blocks
 from fem_biobot.solid.from_design import tension_unit
 from fem_biobot.solid.model import SolidModel, SolidState, interpolation
@@ -207,12 +208,18 @@ class Measurer:
         return float(np.mean(von_mises(self._ball.cauchy_stress(state))))
 
     def tension_length(self, state: SolidState) -> float:
-        """``int T1 (stretch - 1) dV`` with the tension T1 at factor 1 [uJ]: what the tension works against."""
-        total = 0.0
-        for c in self.model.system.contractions:
-            stretch = state.stretch[c.elements]
-            total += float(np.sum(c.tension[c.elements] * (stretch - 1.0) * self._space.dV[c.elements]))
-        return total
+        """Energy of the tension at factor 1, nominal ``int T1 (stretch - 1) dV`` [uJ]: what the tension works against.
+
+        Not a number for a tension without energy (`Convention.cauchy`) and for active strain, whose energy is not in
+        proportion to the factor.
+        """
+        psi = np.zeros(self._space.dV.shape)
+        S, D = np.zeros((6, *psi.shape)), np.zeros((0, *psi.shape))
+        for c in state.model.system.contractions:
+            if not is_symmetric(c.law) or isinstance(c.law, ActiveStrain):
+                return float("nan")
+            add_law(c.law, state.F, c.elements, S, D, psi)
+        return float(np.sum(psi * self._space.dV))
 
     def measures(self, state: SolidState) -> dict[str, float | None]:
         """All measures of one state; those that a kind of machine does not have are None."""

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import root
 
 from fem_biobot.design import Design
+from fem_biobot.design_parts import Muscle
 from fem_biobot.material.law import lame
 from fem_biobot.study.paper import (
     EFFICIENCY,
@@ -89,6 +90,8 @@ def beside_closed_form(design: Design, states: Sequence[State]) -> list[dict[str
     """Rows of a strip's or cantilever's numbers beside closed forms."""
     if design.kind == "strip" and design.muscle is not None:
         material = design.muscle.material
+        if not _has_closed_form(design.muscle):
+            return []
         return [
             _row(
                 f"fibre stretch at {s['tension_kPa']:.4g} kPa",
@@ -113,6 +116,12 @@ def beside_closed_form(design: Design, states: Sequence[State]) -> list[dict[str
             if s["load_1"] > 0.0
         ]
     return []
+
+
+def _has_closed_form(muscle: Muscle) -> bool:
+    """Whether `free_contraction` speaks of this muscle: coupled neo-Hooke under plain nominal tension."""
+    plain = muscle.convention == "nominal" and muscle.force_length == "none"
+    return plain and muscle.material.law == "neo_hooke" and muscle.spread == muscle.transverse == 0.0
 
 
 def free_contraction(young: float, poisson: float, tension: float) -> tuple[float, float]:

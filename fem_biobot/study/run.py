@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Mapping
 from itertools import pairwise
@@ -14,7 +15,7 @@ from typing import Any
 
 from fem_biobot.config import digest, to_toml
 from fem_biobot.design import Design
-from fem_biobot.errors import BiobotError, FileError, SolveError
+from fem_biobot.errors import BiobotError, FileError, ModelError, SolveError
 from fem_biobot.files import file_error, write_json, write_text
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
@@ -245,7 +246,7 @@ class _Job:
                     self.walks.append(found)
                     shown = immersion == own and found.frequency == self._shown_frequency
                     walk_files.write_walk(self.folder.path, found, "rod" if shown else None)
-        except SolveError as failure:
+        except (SolveError, ModelError) as failure:
             self._note(f"walking: left out from here: {failure}")
 
     def _coarse_states(self, mesh: BodyMesh) -> tuple[list[dict[str, Any]], float] | None:
@@ -312,6 +313,12 @@ class _Job:
             (f.wanted.reference, f.state.step.tension, solver.measurer.tension_length(f.state), s)
             for f, s in zip(self.found, self.states, strict=True)
         ]
+        if any(math.isnan(length) for _, _, length, _ in rows):
+            for state in self.states:
+                state["muscle_work_uJ"] = None
+            convention = self.design.muscle.convention
+            self._note(f"muscle work: left out, with muscle.convention {convention} tension has no energy of its own")
+            return
         path = sorted((r for r in rows if r[0] == "as_moulded" and r[1] > 0.0), key=lambda row: row[1])
         for (_, _, _, state), work in zip(path, muscle_work([r[1] for r in path], [r[2] for r in path]), strict=True):
             state["muscle_work_uJ"] = work

@@ -21,7 +21,7 @@ from tests.command import call, listing, msh
         ("junction_bot", "muscle.theta=200 deg", ("muscle.theta", "200 deg", "180 deg")),
         ("junction_bot", "muscle.gamma=1.2", ("muscle.gamma", "1.2", "between 0 and 1")),
         ("junction_bot", "muscle.junction_height=2.95 mm", ("muscle.junction_height", "beam")),
-        ("junction_bot", "skeleton.material.poisson=0.5", ("skeleton.material.poisson", "0.5", "mixed")),
+        ("junction_bot", "skeleton.material.poisson=0.5", ("skeleton.material.poisson", "0.5", "P2-P1")),
         ("junction_bot", "skeleton.pillar_length=7.5 mm", ("skeleton.pillar_length", "overlap")),
         ("junction_bot", "muscle.junction_width=9 mm", ("muscle.junction_width", "9 mm")),
     ],

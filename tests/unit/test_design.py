@@ -169,7 +169,11 @@ RANGES = [
     ("muscle.theta", -0.1, "expected between 0 deg and 180 deg"),
     ("muscle.gamma", 1.1, "found 1.1, expected between 0 and 1"),
     ("muscle.gamma", -0.1, "expected between 0 and 1"),
-    ("muscle.spread", math.radians(15), "found 15 deg, expected 0 deg (dispersion of the fibres is not modelled yet)"),
+    (
+        "muscle.spread",
+        math.radians(55),
+        "found 55 deg, expected between 0 deg and 51.5 deg (fibres without preference have 51.96 deg)",
+    ),
     ("muscle.passive_tension", -1.0, "found -1 kPa, expected 0 kPa or more"),
     ("muscle.junction_height", math.inf, "found inf, expected a finite value"),
     ("muscle.material.poisson", 0.5, 'found 0.5, expected between 0 and 0.499 with mesh.element "P2", which locks'),
@@ -232,8 +236,14 @@ def test_values_at_the_edge_of_their_range_are_accepted(bot: Design, key: str, v
 
 
 CHOICES = [
-    ("muscle.convention", "kirchhoff", "nominal"),
-    ("muscle.material.law", "yeoh", "neo_hooke"),
+    ("muscle.convention", "kirchhof", "nominal, second_piola, kirchhoff, cauchy, active_strain"),
+    ("muscle.force_length", "hill", "none, blemker_2005, gordon_1966"),
+    ("muscle.spread_kind", "woven", "planar, planar_von_mises, solid"),
+    (
+        "muscle.material.law",
+        "ogden",
+        "neo_hooke, neo_hooke_isochoric, mooney_rivlin, yeoh, gent, guccione, holzapfel_ogden, blemker",
+    ),
     ("muscle.reference", "grown", "as_moulded, remodelled"),
     ("muscle.layout", "loop", "junction, ring"),
     ("drive.waveform", "sine", "abs_sine, constant"),

@@ -96,12 +96,15 @@ class Constraints(NamedTuple):
         the second part.
     frame
         Axes (rows) fixed to each part, (j, 2, 3, 3), equal in the drawing.
+    soft
+        Compliance of rows that depend on each other (see `rod.redundant`), zero elsewhere, (j, 6).
     """
 
     nodes: Ints
     offset: Array
     rows: Ints
     frame: Array
+    soft: Array
 
 
 class Contacts(NamedTuple):

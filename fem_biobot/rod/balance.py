@@ -171,7 +171,7 @@ def tangent(
     kernels.add_stiffness(
         A, system, at.x, at.Q, s, ones, tension, slopes, lengths, 1.0, 0.0, given.load_factor, 1.0, blocks
     )
-    kernels.joint_blocks(A.constraints, A.inertia.held, system.joint, at.x, at.Q, blocks)
+    kernels.joint_blocks(A.constraints, A.inertia.held, system.joint, at.x, at.Q, 0.0, blocks)
     return blocks, joint_stiffness(A.constraints, at.Q, at.multiplier)
 
 

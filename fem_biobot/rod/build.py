@@ -35,6 +35,7 @@ from fem_biobot.rod.records import (
     Spring,
     vector,
 )
+from fem_biobot.rod.redundant import softness
 from fem_biobot.rod.section import stiffness
 from fem_biobot.rod.touch import Touch
 
@@ -102,7 +103,7 @@ def build(
         inertia,
         _members(members, atlas),
         point_loads,
-        _constraints(constraints),
+        softness(_constraints(constraints), inertia, atlas.centre),
         contact_arrays(contacts, atlas),
         touch_arrays(touches, atlas),
         gravity,
@@ -308,6 +309,7 @@ def _constraints(rows: list[tuple[int, int, Array, Array, Sequence[int], Array]]
         np.array([r[2:4] for r in rows], dtype=float).reshape(j, 2, 3),
         np.array([r[4] for r in rows], dtype=np.int64).reshape(j, 6),
         np.array([(r[5], r[5]) for r in rows], dtype=float).reshape(j, 2, 3, 3),
+        np.zeros((j, 6)),
     )
 
 

@@ -127,7 +127,8 @@ ROWS = [
 def _joint(rows: tuple[int, ...], world: bool) -> Constraints:
     draw = generator(9)
     frame = Rotation.random(2, rng=draw).as_matrix()[None]
-    return Constraints(np.array([[0, -1 if world else 1]]), draw.normal(size=(1, 2, 3)), np.array([rows]), frame)
+    ends = np.array([[0, -1 if world else 1]])
+    return Constraints(ends, draw.normal(size=(1, 2, 3)), np.array([rows]), frame, np.zeros((1, 6)))
 
 
 @pytest.mark.parametrize("world", [False, True])
@@ -176,9 +177,8 @@ def test_a_hinge_has_rows_at_every_angle(mode: str) -> None:
     Catches: the axial vector of the relative turn, whose rows vanish at pi.
     """
     x = np.zeros((2, 3))
-    joint = Constraints(
-        np.array([[0, 1]]), np.zeros((1, 2, 3)), np.array([[1, 1, 1, 1, 1, 0]]), np.tile(np.eye(3), (1, 2, 1, 1))
-    )
+    rows, frame = np.array([[1, 1, 1, 1, 1, 0]]), np.tile(np.eye(3), (1, 2, 1, 1))
+    joint = Constraints(np.array([[0, 1]]), np.zeros((1, 2, 3)), rows, frame, np.zeros((1, 6)))
     for angle in (0.4, 2.0, np.pi, 5.0):
         Q = np.stack([Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix().T, np.eye(3)])
         value, slopes = np.empty(6), np.empty((6, 12))

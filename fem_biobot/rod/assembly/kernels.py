@@ -162,8 +162,11 @@ def add_joint_forces(constraints, held, x, Q, multiplier, force):
 
 
 @njit(cache=True, nogil=True)
-def joint_blocks(constraints, held, slots, x, Q, blocks):
-    """Write the joints' rows and columns to `blocks`, at `slots` (j, 5); rows that do not hold get a unit diagonal."""
+def joint_blocks(constraints, held, slots, x, Q, soft, blocks):
+    """Write the joints' rows and columns to `blocks`, at `slots` (j, 5); rows that do not hold get a unit diagonal.
+
+    The others get `soft` times their compliance.
+    """
     gap = np.empty(6)
     rows = np.empty((6, 12))
     for j in range(constraints.rows.shape[0]):
@@ -178,7 +181,7 @@ def joint_blocks(constraints, held, slots, x, Q, blocks):
                         under[r, c] = rows[r, 6 * end + c]
                         over[c, r] = -rows[r, 6 * end + c]
         for r in range(6):
-            blocks[slots[j, 4], r, r] = 0.0 if constraints.rows[j, r] == 1 else 1.0
+            blocks[slots[j, 4], r, r] = soft * constraints.soft[j, r] if constraints.rows[j, r] == 1 else 1.0
 
 
 @njit(cache=True, nogil=True)

@@ -11,8 +11,9 @@ second order in smooth motion and dissipates high frequencies.
 
 A joint demands ``J v1 + g1 / H = 0`` and the ground ``0 <= J_n v1 + g1 / H`` complementary to its impulse, in the
 configuration at the end: the velocity that closes the gap g1 left there within the next step, of length H, so positions
-do not drift, nothing penetrates, and a part at rest stays where it is. The gap left is of third
-order; impulses act along the directions at theta, like forces. Impacts are inelastic, first order.
+do not drift, nothing penetrates, and a part at rest stays where it is. The gap left is of third order; impulses act
+along the directions at theta, like forces. Impacts are inelastic, first order. Rows of joints that depend on each other
+have a compliance, see `rod.redundant`.
 
 The tangent matrix and its factors are kept from step to step and renewed when convergence slows (modified Newton); the
 contact problem is condensed on the nodes that carry contact points.
@@ -179,7 +180,7 @@ def factorise(assembly, system, h, theta, load_factor, work):
                 turned = Js[3 * r + b] * work.v1[i, 3 + c] - Js[3 * r + c] * work.v1[i, 3 + b]
                 B[3 + r, 3 + a] += Js[3 * r + a] + g * turned
     # multipliers are impulses and rows those of the velocity; the right sides are scaled to that
-    joint_blocks(assembly.constraints, inertia.held, system.joint, work.x1, work.Q1, blocks)
+    joint_blocks(assembly.constraints, inertia.held, system.joint, work.x1, work.Q1, 1.0, blocks)
     if not factor(system.plan, blocks):
         return False
     compliance(system.plan, blocks, system.touching, work.column, work.compliance)
@@ -200,14 +201,15 @@ def _unbalance(held, arm, rhs, column):
 
 
 @njit(**INNER)
-def _joint_gaps(rows, theta, h, n, work):
+def _joint_gaps(joints, theta, h, n, work):
     """Write the right sides of the joints, whose gaps close within `h`; returns the largest gap [mm, rad]."""
     worst = 0.0
-    for j in range(rows.shape[0]):
+    for j in range(joints.rows.shape[0]):
         for r in range(6):
             work.rhs[n + j, r] = 0.0
-            if rows[j, r] == 1:
-                work.rhs[n + j, r] = -(work.joint_rate[j, r] + work.joint_gap[j, r] / h) / (1.0 + theta)
+            if joints.rows[j, r] == 1:
+                gap = (work.joint_rate[j, r] + work.joint_gap[j, r] / h) / (1.0 + theta)
+                work.rhs[n + j, r] = -gap - joints.soft[j, r] * work.joint1[j, r]
                 worst = max(worst, abs(work.rhs[n + j, r]) * h)
     return worst
 
@@ -251,7 +253,7 @@ def try_step(
         residual = _unbalance(held, arm, rhs, column)
         # a joint's gap as the impulse that would close it is of the size of the others; compare lengths
         allowed = max(tolerance * scale, rounding)
-        if _joint_gaps(assembly.constraints.rows, theta * h / closing, closing, n, work) > tolerance * arm:
+        if _joint_gaps(assembly.constraints, theta * h / closing, closing, n, work) > tolerance * arm:
             residual = max(residual, 2.0 * allowed)
         if not np.isfinite(residual):
             return SLOW, iteration, factorisations, residual

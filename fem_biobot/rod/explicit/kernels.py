@@ -97,7 +97,7 @@ def joint_masses(assembly, system, work):
                 for b in range(3):
                     B[3 + a, 3 + b] = Js[3 * a + b]
     joint_gaps(joints, inertia.held, work.xm, work.Qm, work.v1, work.joint_gap, work.joint_rate)
-    joint_blocks(joints, inertia.held, system.joint, work.xm, work.Qm, blocks)
+    joint_blocks(joints, inertia.held, system.joint, work.xm, work.Qm, 1.0, blocks)
     if not factor(system.plan, blocks):
         return False
     compliance(system.plan, blocks, system.touching, work.column, work.compliance)

@@ -13,8 +13,17 @@ if TYPE_CHECKING:
     from fem_biobot.config import load_design
     from fem_biobot.design import Design
     from fem_biobot.errors import BiobotError, DesignError, FileError, MeshError, ModelError, SolveError
-    from fem_biobot.material.active import ActiveStress, Convention
+    from fem_biobot.material.active import ActiveStress
+    from fem_biobot.material.blemker import Blemker
+    from fem_biobot.material.conventions import Convention
+    from fem_biobot.material.dispersion import Dispersion
+    from fem_biobot.material.gent import Gent
+    from fem_biobot.material.guccione import Guccione
+    from fem_biobot.material.holzapfel_ogden import HolzapfelOgden
+    from fem_biobot.material.mooney_rivlin import MooneyRivlin
     from fem_biobot.material.neo_hooke import NeoHooke
+    from fem_biobot.material.neo_hooke_isochoric import NeoHookeIsochoric
+    from fem_biobot.material.yeoh import Yeoh
     from fem_biobot.mesh.body import BodyMesh
     from fem_biobot.mesh.files import read_mesh, write_mesh
     from fem_biobot.mesh.geometry import build_mesh
@@ -58,8 +67,17 @@ _HOMES = {
     "config": ("load_design",),
     "design": ("Design",),
     "errors": ("BiobotError", "DesignError", "FileError", "MeshError", "ModelError", "SolveError"),
-    "material.active": ("ActiveStress", "Convention"),
+    "material.active": ("ActiveStress",),
+    "material.blemker": ("Blemker",),
+    "material.conventions": ("Convention",),
+    "material.dispersion": ("Dispersion",),
+    "material.gent": ("Gent",),
+    "material.guccione": ("Guccione",),
+    "material.holzapfel_ogden": ("HolzapfelOgden",),
+    "material.mooney_rivlin": ("MooneyRivlin",),
     "material.neo_hooke": ("NeoHooke",),
+    "material.neo_hooke_isochoric": ("NeoHookeIsochoric",),
+    "material.yeoh": ("Yeoh",),
     "mesh.body": ("BodyMesh",),
     "mesh.files": ("read_mesh", "write_mesh"),
     "mesh.geometry": ("build_mesh",),
@@ -104,6 +122,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "ActiveStress",
     "BiobotError",
+    "Blemker",
     "Body",
     "BodyForce",
     "BodyMesh",
@@ -111,23 +130,29 @@ __all__ = [
     "Convention",
     "Design",
     "DesignError",
+    "Dispersion",
     "DistributedLoad",
     "Drag",
     "FileError",
     "Fix",
+    "Gent",
     "Gravity",
     "Ground",
+    "Guccione",
     "Guide",
     "Hinge",
     "Hold",
+    "HolzapfelOgden",
     "LinearDrag",
     "MeshError",
     "ModelError",
     "Modes",
+    "MooneyRivlin",
     "Motion",
     "Muscle",
     "MuscleCurve",
     "NeoHooke",
+    "NeoHookeIsochoric",
     "PointLoad",
     "Resistance",
     "Rigid",
@@ -149,6 +174,7 @@ __all__ = [
     "Touch",
     "Traction",
     "Walk",
+    "Yeoh",
     "build_mesh",
     "dynamics",
     "load_design",

@@ -17,10 +17,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from fem_biobot.material import ActiveStress, Convention, NaturalState, NeoHooke
+from fem_biobot.material import LAWS, ActiveStress, Convention, NaturalState, NeoHooke
 from fem_biobot.solid.model import SolidModel, SolidState, solve
 from tests.helpers import TIGHT, box_mesh, on_three_corners, unit
+from tests.laws.cases import make_law
 from tests.oracles.free_muscle import free_stretches, incompressible_stretch
+from tests.oracles.laws import at_point
 
 FIBRE = unit(0.48, 0.64, -0.6)
 # mu (s - s^-2) + T = 0
@@ -106,6 +108,28 @@ def test_active_strain_contracts_by_the_incompressible_equation(poisson: float) 
         _assert_stretches(state, s, s**-0.5)
 
 
+@pytest.mark.parametrize("name", list(LAWS))
+def test_every_law_contracts_freely_by_its_own_equation(name: str) -> None:
+    """Incompressible, along the fibre, the stretch is where the twin's ``dW/ds + T`` vanishes at constant volume.
+
+    Catches: a law whose split loses a part, or keeps some volume in the rest; fibres in other axes than the tension's.
+    """
+    mu = 3.1
+    law = make_law(name, 3.0 * mu, 0.5, FIBRE)
+    dyad = np.outer(FIBRE, FIBRE)
+
+    def pull(s: float) -> float:
+        F = s * dyad + (np.eye(3) - dyad) / np.sqrt(s)
+        change = dyad - 0.5 * s**-1.5 * (np.eye(3) - dyad)
+        # a compressible twin of the same shear modulus: at constant volume its volume carries nothing
+        return float(np.sum(at_point(name, F, 2.6 * mu, 0.3, FIBRE)[1] * change)) + 0.9 * mu
+
+    s = brentq(pull, 0.3, 1.0, xtol=1e-14)
+    muscle = {"muscle": ActiveStress(0.9 * mu, FIBRE)}
+    model = SolidModel(box_mesh(2), {"muscle": law}, muscle, on_three_corners(), element="P2-P1")
+    _assert_stretches(solve(model, [0.5, 1.0], settings=PATIENT).last, s, s**-0.5)
+
+
 def test_active_strain_contracts_the_law_that_the_model_has_now() -> None:
     """A model with other materials contracts those.
 
@@ -139,6 +163,21 @@ def test_incompressible_muscle_contracts_by_the_closed_form() -> None:
         np.testing.assert_allclose(state.stretch, s, rtol=0.0, atol=1e-9)
         np.testing.assert_allclose(state.pressure, law.mu * (1.0 - 1.0 / s), rtol=0.0, atol=1e-9 * law.mu)
         np.testing.assert_allclose(np.linalg.det(np.moveaxis(state.F, (0, 1), (-2, -1))), 1.0, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("convention", [c.value for c in Convention])
+def test_incompressible_muscle_contracts_by_its_convention(convention: str) -> None:
+    """At a Poisson's ratio of 1/2 the stretch is that of mu (s - s^-2) + T p(s) = 0: p = 1, s, 1/s, 1/s.
+
+    Active strain has that of nominal tension. Catches: a volume ratio of the Cauchy convention that is not the field's.
+    """
+    law = NeoHooke(9.3, 0.5)
+    muscle = {"muscle": ActiveStress(law.mu, FIBRE, convention)}
+    model = SolidModel(box_mesh(2), {"muscle": law}, muscle, on_three_corners(), element="P2-P1")
+    known = "nominal" if convention == "active_strain" else convention
+    for tension, state in zip(INCOMPRESSIBLE, solve(model, list(INCOMPRESSIBLE), settings=PATIENT).states, strict=True):
+        s = incompressible_stretch(tension, known)
+        _assert_stretches(state, s, s**-0.5)
 
 
 def test_the_way_to_a_tension_does_not_matter() -> None:

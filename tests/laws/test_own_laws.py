@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 from fem_biobot.errors import ModelError, SolveError
-from fem_biobot.material import LAWS, Blemker, Gent, Guccione, HolzapfelOgden, NeoHooke, OutsideLawError, Yeoh, law_from
+from fem_biobot.material import (
+    LAWS,
+    ActiveStrain,
+    Blemker,
+    Gent,
+    Guccione,
+    HolzapfelOgden,
+    NeoHooke,
+    OutsideLawError,
+    Yeoh,
+    law_from,
+)
 from fem_biobot.material.law import Array, volume_ratio
 from fem_biobot.material.laws import has_fibres, parameters
 from fem_biobot.solid.model import SolidModel, solve
@@ -297,3 +308,19 @@ def test_every_law_of_the_table_bears_a_sheared_block(name: str) -> None:
     given = hold_everywhere(lambda X: np.stack([0.2 * X[1], 0 * X[1], 0 * X[1]]))
     model = SolidModel(box_mesh(2), {"muscle": law_from(name, 10.0, 0.4, FIBRE)}, supports=given)
     assert solve(model, [0.5, 1.0]).last.residual < 1e-9
+
+
+@pytest.mark.parametrize("name", ["neo_hooke", "guccione"])
+def test_the_natural_stretch_of_active_strain_is_found_by_its_true_slope(name: str) -> None:
+    """The slope with which the natural stretch is sought is the central difference of the pull, by element.
+
+    Catches: a term of the second derivative lost, which the bisection behind Newton's steps would hide.
+    """
+    a0 = np.stack([FIBRE, X_AXIS], axis=1)
+    law = ActiveStrain(np.array([3.0, 5.0]), a0, make_law(name, a0=a0))
+    s, h = np.array([0.8, 0.65]), 1e-5
+    (low, _), (_, slope), (high, _) = (law._pull(at, a0) for at in (s - h, s, s + h))
+    np.testing.assert_allclose(slope, (high - low) / (2.0 * h), rtol=1e-8)
+    # and the stretch found balances the tension
+    found, _ = law._pull(law.natural_stretch, a0)
+    np.testing.assert_allclose(found, [-3.0, -5.0], rtol=1e-12)

@@ -22,6 +22,7 @@ from fem_biobot.material.law import Array, Law, lame
 from fem_biobot.material.volume import QUADRATIC, Volumetric, check_compressible
 
 _NO_FIBRES = np.zeros((3, 0))
+_NO_FIBRES.setflags(write=False)  # as those of laws that have them, so that the kernels are compiled once
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from fem_biobot.solid.from_design import model_from_design, tension_of, tension_
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import solve
 from fem_biobot.study.compare import beside_closed_form, free_contraction
+from fem_biobot.study.run import run
 from tests.helpers import TIGHT, unit
 from tests.oracles.free_muscle import incompressible_stretch
 from tests.oracles.laws import PARAMETERS
@@ -201,6 +203,19 @@ def test_a_strip_contracts_by_the_convention_of_its_design(convention: str) -> N
         assert length == pytest.approx(tension_unit(design) * volume * found, rel=1e-12)
     else:
         assert np.isnan(length)
+
+
+def test_a_run_leaves_out_the_work_of_a_tension_without_energy(tmp_path: Path) -> None:
+    """The summary of a strip with Cauchy's convention has no muscle work, and a note that says why.
+
+    Catches: a work of another convention, a NaN in the summary.
+    """
+    summary = run(_changed("muscle.convention=cauchy"), tmp_path / "out", size=1.0, complete=False)
+    states = summary["solid"]["states"]
+    assert len(states) > 2
+    assert {state["muscle_work_uJ"] for state in states} == {None}
+    assert all(state["strain_energy_uJ"] is not None for state in states)
+    assert [note for note in summary["notes"] if "muscle work: left out" in note and "cauchy" in note]
 
 
 def test_closed_forms_stand_beside_what_they_speak_of_only() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.records import Array, Fix, Symmetry, components, numbers
+from fem_biobot.solid.records import Array, Fix, Foundation, Support, Symmetry, components, numbers
 from fem_biobot.solid.space import Ints, Space
 
 
@@ -51,7 +51,7 @@ class Held:
         return out
 
 
-def held(mesh: BodyMesh, body: Space, supports: Sequence[Fix | Symmetry]) -> Held:
+def held(mesh: BodyMesh, body: Space, supports: Sequence[Support]) -> Held:
     """Combine all supports, node by node.
 
     Each support contributes directions and values; a node may be held by several, also along oblique directions.
@@ -63,7 +63,11 @@ def held(mesh: BodyMesh, body: Space, supports: Sequence[Fix | Symmetry]) -> Hel
         leave a rigid motion free.
     """
     directions: dict[int, list[tuple[Array, float]]] = {}
+    springs: list[tuple[Ints, Array]] = []
     for support in supports:
+        if isinstance(support, Foundation):
+            springs.extend(_spring_rows(mesh, body, support))
+            continue
         nodes, axes, which, values = _directions(mesh, body, support)
         for column, node in enumerate(nodes):
             rows = directions.setdefault(int(node), [])
@@ -101,8 +105,28 @@ def held(mesh: BodyMesh, body: Space, supports: Sequence[Fix | Symmetry]) -> Hel
         turned,
         np.ascontiguousarray(axes),
     )
-    _refuse_rigid_motion(body, found)
+    _refuse_rigid_motion(body, found, springs)
     return found
+
+
+def _spring_rows(mesh: BodyMesh, body: Space, support: Foundation) -> list[tuple[Ints, Array]]:
+    """Nodes of a foundation and directions (k, 3) in which its springs hold them, facet by facet."""
+    if support.surface not in mesh.surfaces:
+        known = ", ".join(mesh.surfaces) or "none"
+        raise ModelError(f"foundation: found no surface named {support.surface!r}, expected one of {known}")
+    nodes = place_nodes(mesh, body, support.surface)
+    if support.normal > 0.0 and support.tangential > 0.0:
+        return [(nodes, np.repeat(axis[None], len(nodes), axis=0)) for axis in np.eye(3)]
+    triangles = mesh.surfaces[support.surface]
+    corners = mesh.points[:, triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
+    normal = np.tile((normal / np.linalg.norm(normal, axis=0)).T, (3, 1))
+    at = triangles.ravel()
+    if support.normal > 0.0:
+        return [(at, normal)]
+    if support.tangential > 0.0:
+        return [(at, np.cross(normal, axis)) for axis in np.eye(3)]
+    return []
 
 
 def _directions(mesh: BodyMesh, body: Space, support: Fix | Symmetry) -> tuple[Ints, Array, tuple[int, ...], Array]:
@@ -175,9 +199,9 @@ def _agree(mesh: BodyMesh, body: Space, node: int, values: Array, zero: bool = F
         )
 
 
-def _refuse_rigid_motion(body: Space, found: Held) -> None:
-    """Six rigid motions must be held: the rows of the held unknowns in the rigid modes have rank 6."""
-    if not found.dofs.size:
+def _refuse_rigid_motion(body: Space, found: Held, springs: list[tuple[Ints, Array]]) -> None:
+    """Six rigid motions must be held: the rows of held unknowns and springs in the rigid modes have rank 6."""
+    if not found.dofs.size and not springs:
         raise ModelError(
             "supports: found none, expected the body held against its six rigid motions (such as Fix on three points)"
         )
@@ -185,6 +209,8 @@ def _refuse_rigid_motion(body: Space, found: Held) -> None:
     direction = np.eye(3)[c]
     own = found.turned[nodes] >= 0
     direction[own] = found.axes[c[own], :, found.turned[nodes[own]]]
+    nodes = np.concatenate([nodes, *(at for at, _ in springs)])
+    direction = np.concatenate([direction, *(along for _, along in springs)])
     size = np.ptp(body.points, axis=1).max()
     arm = (body.points[:, nodes] - body.points.mean(axis=1, keepdims=True)).T / size
     modes = np.concatenate([direction, np.cross(arm, direction)], axis=1)

@@ -22,10 +22,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from fem_biobot.solid.kernels import add_scaled, add_to, advance, inner_product, symmetric_product
 from fem_biobot.solid.pattern import Pattern
+from fem_biobot.solid.unsymmetric.kernels import add_skew_product
 
 Array = NDArray[np.float64]
 
@@ -55,14 +56,18 @@ class Factorisation(Protocol):
 class Pardiso:
     """Factorisation by MKL's PARDISO, one analysis for the life of the object.
 
-    Cholesky's for displacements alone; with pressures ``L D L^T`` with pivots of one or two rows.
+    Cholesky's for displacements alone; with pressures ``L D L^T`` with pivots of one or two rows; without symmetry
+    ``L U``.
     """
 
-    def __init__(self, pattern: Pattern) -> None:
+    def __init__(self, pattern: Pattern, symmetric: bool = True) -> None:
         self._call = _mkl_pardiso()
-        self._kind = -2 if pattern.n_pressures else 2
-        self.name = f"PARDISO (MKL), symmetric {'indefinite' if pattern.n_pressures else 'positive definite'}"
+        self._kind = 11 if not symmetric else -2 if pattern.n_pressures else 2
+        kind = {11: "unsymmetric", -2: "symmetric indefinite", 2: "symmetric positive definite"}[self._kind]
+        self.name = f"PARDISO (MKL), {kind}"
         self.negative_pivots = 0
+        self._whole = None if symmetric else Whole(pattern)
+        self._starts, self._columns = (self._whole or pattern).starts, (self._whole or pattern).columns
         self._pattern = pattern
         self._pt = np.zeros(64, dtype=np.int64)
         iparm = np.zeros(64, dtype=np.int32)
@@ -91,8 +96,8 @@ class Pardiso:
             ctypes.byref(int32(1)), ctypes.byref(int32(1)), ctypes.byref(int32(self._kind)), ctypes.byref(int32(phase)),
             ctypes.byref(int32(n)),
             at(data),
-            self._pattern.starts.ctypes.data_as(ctypes.POINTER(int32)),
-            self._pattern.columns.ctypes.data_as(ctypes.POINTER(int32)),
+            self._starts.ctypes.data_as(ctypes.POINTER(int32)),
+            self._columns.ctypes.data_as(ctypes.POINTER(int32)),
             ctypes.byref(int32(0)), ctypes.byref(int32(1)),
             self._iparm.ctypes.data_as(ctypes.POINTER(int32)),
             ctypes.byref(int32(0)),
@@ -102,6 +107,8 @@ class Pardiso:
 
     def factor(self, data: Array) -> None:
         """Factor; the first call also analyses the pattern."""
+        if self._whole is not None:
+            data = self._whole.entries(data)
         if not self._analysed:
             error = self._run(11, data)
             if error:
@@ -134,14 +141,23 @@ class SuperLU:
 
     name = "SuperLU (SciPy)"
 
-    def __init__(self, pattern: Pattern) -> None:
+    def __init__(self, pattern: Pattern, symmetric: bool = True) -> None:
         self._pattern = pattern
+        self._whole = None if symmetric else Whole(pattern)
         self._lu: Any = None
         self.negative_pivots = 0
 
     def factor(self, data: Array) -> None:
         """Factor the full matrix; raises `NotPositiveDefiniteError` where a matrix of displacements alone is not."""
         p = self._pattern
+        if self._whole is not None:
+            w = self._whole
+            full = sparse.csr_matrix((w.entries(data), w.columns, w.starts), shape=(p.n_dofs, p.n_dofs)).tocsc()
+            try:
+                self._lu = splu(full, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1)
+            except RuntimeError:
+                raise NotPositiveDefiniteError from None
+            return
         upper = sparse.csr_matrix((data, p.columns, p.starts), shape=(p.n_dofs, p.n_dofs))
         full = (upper + sparse.triu(upper, 1).T).tocsc()
         try:
@@ -179,9 +195,56 @@ def pardiso_missing() -> str | None:
     return None
 
 
-def factorisation(pattern: Pattern) -> Factorisation:
+def factorisation(pattern: Pattern, symmetric: bool = True) -> Factorisation:
     """The best factorisation that this machine has."""
-    return SuperLU(pattern) if pardiso_missing() else Pardiso(pattern)
+    return SuperLU(pattern, symmetric) if pardiso_missing() else Pardiso(pattern, symmetric)
+
+
+class Whole:
+    """Both triangles of a matrix that is kept as the upper triangles of its symmetric and of its skew part."""
+
+    def __init__(self, pattern: Pattern) -> None:
+        shape = (pattern.n_dofs, pattern.n_dofs)
+        number = np.arange(1, len(pattern.columns) + 1)  # of each entry; none is zero, so that none is dropped
+        upper = sparse.csr_matrix((number, pattern.columns, pattern.starts), shape=shape)
+        whole = (upper - sparse.triu(upper, 1).T).tocsr()
+        whole.sort_indices()
+        self.starts, self.columns = whole.indptr.astype(np.int32), whole.indices.astype(np.int32)
+        self._place = np.abs(whole.data) - 1
+        self._sign = np.sign(whole.data).astype(float)
+
+    def entries(self, data: Array) -> Array:
+        """Entries of both triangles, from (2, entries) of the upper ones."""
+        even, odd = data
+        return even[self._place] + self._sign * odd[self._place]
+
+
+def has_negative_eigenvalue(factor: Factorisation, pattern: Pattern) -> bool:
+    """Whether one of the real eigenvalues nearest to zero is negative, by Arnoldi's iteration with the inverse.
+
+    Pressures, where there are some, are constraints.
+    """
+    n = pattern.n_dofs - pattern.n_pressures
+
+    def inverse(x: Array) -> Array:
+        whole = np.zeros(pattern.n_dofs)
+        whole[:n] = x
+        return factor.solve(whole)[:n]
+
+    operator: Any = LinearOperator((n, n), matvec=inverse, dtype=float)  # type: ignore[call-arg]
+    found: Any = eigs(operator, k=4, which="LM", return_eigenvectors=False, v0=np.ones(n))
+    real = np.abs(found.imag) < 1e-6 * np.abs(found)
+    return bool(np.any(found.real[real] < 0.0))
+
+
+def product(pattern: Pattern, data: Array, x: Array) -> Array:
+    """Matrix times vector, (dofs,); `data` as the upper triangle, or (2, entries) without symmetry."""
+    y = np.empty(pattern.n_dofs)
+    even = data if data.ndim == 1 else data[0]
+    symmetric_product(pattern.starts, pattern.columns, even, x, y)
+    if data.ndim == 2:
+        add_skew_product(pattern.starts, pattern.columns, data[1], x, y)
+    return y
 
 
 def conjugate_gradients(
@@ -251,8 +314,8 @@ def minimal_residuals(
     """Generalised minimal residuals (Saad and Schultz 1986) from zero, preconditioned on the right.
 
     For the symmetric indefinite matrix of the mixed form, whose preconditioner, the factor of a near matrix, is
-    indefinite too. Keeps two vectors an iteration, so it is for few. Parameters and results as those of
-    `conjugate_gradients`.
+    indefinite too, and for matrices without symmetry. Keeps two vectors an iteration, so it is for few. Parameters and
+    results as those of `conjugate_gradients`.
     """
     size = float(np.sqrt(inner_product(b, b)))
     if size == 0.0:
@@ -265,8 +328,7 @@ def minimal_residuals(
     reached = False
     for k in range(max_iterations):
         directions.append(precondition(basis[k]))
-        w = np.empty_like(b)
-        symmetric_product(pattern.starts, pattern.columns, data, directions[k], w)
+        w = product(pattern, data, directions[k])
         for i in range(k + 1):
             H[i, k] = inner_product(basis[i], w)
             add_to(w, -H[i, k], basis[i])

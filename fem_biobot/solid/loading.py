@@ -11,23 +11,27 @@ from skfem.refdom import RefTet, RefTri
 
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.records import Array, BodyForce, Traction, numbers
+from fem_biobot.solid.records import Array, BodyForce, Load, Pressure, Traction, numbers
 from fem_biobot.solid.space import Space
+from fem_biobot.solid.surfaces import follower_pressure
 
 # loads given as functions deserve a rule well above the degree of the basis
 _DEGREE = 6
 
 
-def dead_load(mesh: BodyMesh, body: Space, loads: Sequence[Traction | BodyForce]) -> Array:
-    """Nodal forces of all loads at load factor 1, (n, 3) [mN]."""
+def dead_load(mesh: BodyMesh, body: Space, loads: Sequence[Load]) -> Array:
+    """Nodal forces of all loads but follower pressures at load factor 1, (n, 3) [mN]."""
     force = np.zeros((body.n_nodes, 3))
     for load in loads:
         if isinstance(load, Traction):
             _add_traction(mesh, body, load, force)
         elif isinstance(load, BodyForce):
             _add_body_force(mesh, body, load, force)
+        elif isinstance(load, Pressure):
+            if not load.follower:
+                force += follower_pressure(mesh, body, load).force(np.zeros_like(force))
         else:
-            raise ModelError(f"loads: found {type(load).__name__}, expected Traction or BodyForce")
+            raise ModelError(f"loads: found {type(load).__name__}, expected Traction, Pressure or BodyForce")
     return force
 
 

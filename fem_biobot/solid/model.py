@@ -19,12 +19,13 @@ from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.material.active import ActiveStress
 from fem_biobot.material.law import Array, Law
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.solid.assembly import assemble_system, with_laws
 from fem_biobot.solid.held import place_nodes
 from fem_biobot.solid.newton import Counts, Equilibrium, LinearSolver, NewtonSettings, Trial
 from fem_biobot.solid.path import PathFailedError, equilibria
-from fem_biobot.solid.records import BodyForce, Fix, Step, Symmetry, Traction, as_step
+from fem_biobot.solid.records import Load, Step, Support, as_step
 from fem_biobot.solid.space import Element, Ints, LockingWarning
-from fem_biobot.solid.system import Points, System, assemble_system, with_laws
+from fem_biobot.solid.system import Points, System
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -64,8 +65,8 @@ class SolidModel:
     mesh: BodyMesh
     materials: Mapping[str, Law]
     active: Mapping[str, ActiveStress] = field(default_factory=dict)
-    supports: Sequence[Fix | Symmetry] = ()
-    loads: Sequence[Traction | BodyForce] = ()
+    supports: Sequence[Support] = ()
+    loads: Sequence[Load] = ()
     element: Element | str = Element.P2
     quadrature_degree: int | None = None
 
@@ -186,7 +187,7 @@ class SolidState:
         """Force that the support at a named surface, landmark or vertex exerts on the body, (3,) [mN]."""
         model = self.model
         nodes = place_nodes(model.mesh, model.system.space, where)
-        f_ext = self.step.load * model.system.dead_load.T
+        f_ext = model.system.external_force(np.ascontiguousarray(self.u.T), self.step.load).T
         return (self.internal_force - f_ext)[:, nodes].sum(axis=1)
 
     def at(self, point: Sequence[float]) -> Array:
@@ -254,7 +255,9 @@ def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> 
     """A linear solver that several calls of `solve` can share."""
     mixed = model.system.mixed
     steadying = (mixed.compliance_places, mixed.steadying) if mixed else None
-    return LinearSolver(model.system.pattern, settings or NewtonSettings(), steadying=steadying)
+    return LinearSolver(
+        model.system.pattern, settings or NewtonSettings(), steadying=steadying, symmetric=model.system.symmetric
+    )
 
 
 StateObserver = Callable[[str, dict[str, float]], None]

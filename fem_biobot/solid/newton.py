@@ -21,6 +21,7 @@ from fem_biobot.solid.linear import (
     NotPositiveDefiniteError,
     conjugate_gradients,
     factorisation,
+    has_negative_eigenvalue,
     minimal_residuals,
 )
 from fem_biobot.solid.pattern import Ints, Pattern
@@ -99,14 +100,18 @@ class LinearSolver:
     ----------
     steadying
         Places in the matrix and what is added there before it is factored; with pressures only.
+    symmetric
+        Whether the matrices are; an unsymmetric one is factored as ``L U``, which says nothing of stability.
     """
 
     pattern: Pattern
     settings: NewtonSettings
     counts: Counts = field(default_factory=Counts)
     steadying: tuple[Ints, Array] | None = None
+    symmetric: bool = True
     _factor: Factorisation | None = None
     _usable: bool = False
+    _even: LinearSolver | None = None
 
     @property
     def name(self) -> str:
@@ -115,7 +120,7 @@ class LinearSolver:
 
     def _renewable(self) -> Factorisation:
         if self._factor is None:
-            self._factor = factorisation(self.pattern)
+            self._factor = factorisation(self.pattern, self.symmetric)
         return self._factor
 
     def renew(self) -> None:
@@ -129,12 +134,30 @@ class LinearSolver:
         if self.steadying is not None:
             places, values = self.steadying
             data = data.copy()
-            data[places] += _STEADY * values
+            (data if self.symmetric else data[0])[places] += _STEADY * values
         factor.factor(data)
         self.counts.factorisations += 1
-        if factor.negative_pivots != self.pattern.n_pressures:
+        if self.symmetric and factor.negative_pivots != self.pattern.n_pressures:
             raise NotPositiveDefiniteError
         self._usable = True
+
+    def refuse_unstable(self, data: Array) -> None:
+        """Raise `NotPositiveDefiniteError` for the tangent of an equilibrium that is not stable.
+
+        Without symmetry a positive definite symmetric part is enough; where it is not, no eigenvalue near zero may be
+        negative (divergence; flutter is an affair of dynamics).
+        """
+        if self.symmetric:
+            self.factor(data)
+            return
+        if self._even is None:
+            self._even = LinearSolver(self.pattern, self.settings, self.counts, self.steadying)
+        try:
+            self._even.factor(data[0])
+        except NotPositiveDefiniteError:
+            self.factor(data)
+            if has_negative_eigenvalue(self._renewable(), self.pattern):
+                raise
 
     def solve(self, data: Array, b: Array, tolerance: float) -> Array:
         """Solve with the tangent's upper triangle; raises `NotPositiveDefiniteError`."""
@@ -152,7 +175,8 @@ class LinearSolver:
         return self._renewable().solve(b)
 
     def _iterate(self, data: Array, b: Array, tolerance: float) -> tuple[Array, bool]:
-        method = minimal_residuals if self.pattern.n_pressures else conjugate_gradients
+        definite = self.symmetric and not self.pattern.n_pressures
+        method = conjugate_gradients if definite else minimal_residuals
         x, used, reached = method(
             self.pattern,
             data,
@@ -221,7 +245,6 @@ def newton(
         No convergence, an inverted element, or a tangent that is not positive definite.
     """
     held = system.held
-    f_ext = step.load * system.dead_load
     u = trial.u.copy()
     p = np.zeros(system.n_pressures) if trial.p is None else trial.p.copy()
     points = _points(system, u, p, step)
@@ -232,6 +255,7 @@ def newton(
     first = None
     for iteration in range(settings.max_iterations + 1):
         force, magnitude = system.internal_force(points)
+        f_ext = system.external_force(u, step.load)
         free = system.residual(points, force, f_ext)
         scale = max(scale, float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
         free[held.dofs] = 0.0
@@ -252,7 +276,7 @@ def newton(
             first = norm
         elif norm > 1e4 * max(first, settings.tolerance * scale):
             raise StepFailedError(f"the residual grows (to {norm / scale:.2g} of the force scale)")
-        data = system.matrix(points, S_geo)
+        data = system.matrix(points, S_geo, u, step.load)
         b = -free
         if lifting:
             full = np.zeros(system.n_dofs)
@@ -260,7 +284,7 @@ def newton(
             b -= system.product(data, full)
         system.block(data)
         if lifting:
-            b[held.dofs] = data[system.diagonal] * lift
+            b[held.dofs] = (data if system.symmetric else data[0])[system.diagonal] * lift
         forcing = 1e-8
         if not lifting:
             # solve no further than Newton's own error of this iteration deserves
@@ -288,10 +312,10 @@ def newton(
 
 def refuse_unstable(system: System, solver: LinearSolver, state: Equilibrium) -> None:
     """Refuse a converged state whose tangent is not positive definite; raises `StepFailedError`."""
-    data = system.matrix(state.points, state.points.S)
+    data = system.matrix(state.points, state.points.S, state.u, state.step.load)
     system.block(data)
     try:
-        solver.factor(data)
+        solver.refuse_unstable(data)
     except NotPositiveDefiniteError:
         raise StepFailedError("the equilibrium found is not stable (its tangent is not positive definite)") from None
 

@@ -49,6 +49,12 @@ class Pattern:
         """Number of unknowns."""
         return len(self.starts) - 1
 
+    def where(self, rows: Ints, columns: Ints) -> Ints:
+        """Places of entries of the upper triangle, each of which must be in the pattern."""
+        n = self.n_dofs
+        keys = np.repeat(np.arange(n), np.diff(self.starts)) * n + self.columns
+        return np.searchsorted(keys, rows * n + columns)
+
 
 class _Graph:
     """Pairs (row, column) of numbers in compressed rows, each once and in order."""

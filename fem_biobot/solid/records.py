@@ -95,6 +95,42 @@ class Traction:
 
 
 @dataclass(frozen=True)
+class Pressure:
+    """Pressure on a part of the boundary [kPa], positive pushing into the body.
+
+    `value` is one number or a function from reference positions (3, k) to pressures (k,). With `follower` it acts on
+    the current area against the current normal; else it is a dead load along the reference normal.
+
+    A follower pressure has a potential, and a symmetric tangent, where its surface is closed or its edge held (a
+    symmetry plane will do). Where the edge is free the tangent is not symmetric, and the model is solved with the
+    unsymmetric factorisation.
+    """
+
+    surface: str
+    value: float | Callable[[Array], Array]
+    follower: bool = True
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """Elastic foundation: springs between a part of the boundary and where it was at first.
+
+    The force on the body is minus `normal` [kPa/mm] times the displacement along the reference normal, and minus
+    `tangential` [kPa/mm] times that across it, per reference area. A support: the load factor does not scale it.
+    """
+
+    surface: str
+    normal: float
+    tangential: float = 0.0
+
+    def __post_init__(self) -> None:
+        for what, given in (("normal", self.normal), ("tangential", self.tangential)):
+            found = numbers(given, f"foundation, {what}", "a finite stiffness")
+            if found.ndim or found < 0.0:
+                raise ModelError(f"foundation, {what}: found {given!r}, expected one stiffness of at least 0 kPa/mm")
+
+
+@dataclass(frozen=True)
 class BodyForce:
     """Dead body force: force per reference volume [mN/mm^3], on one region or on all.
 
@@ -103,6 +139,10 @@ class BodyForce:
 
     value: Vector | Callable[[Array], Array]
     region: str | None = None
+
+
+Support = Fix | Symmetry | Foundation
+Load = Traction | Pressure | BodyForce
 
 
 @dataclass(frozen=True)

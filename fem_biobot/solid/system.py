@@ -7,36 +7,33 @@ displacements node by node, then the pressures of the mixed form, scaled (see `s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem_biobot.errors import ModelError
-from fem_biobot.material.active import ActiveLaw, ActiveStress, active_law
-from fem_biobot.material.active_strain import ActiveStrain
+from fem_biobot.material.active import ActiveLaw
 from fem_biobot.material.kernels import extrapolated_stress, smallest_volume_ratio
 from fem_biobot.material.law import Array, Law, add_law
-from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid import kernels
-from fem_biobot.solid.held import Held, held
-from fem_biobot.solid.loading import dead_load
-from fem_biobot.solid.mixed.equations import MixedEquations, VolumePoints, equations
-from fem_biobot.solid.mixed.pressure import Part, check_same_regions, pressure_field, split_laws
-from fem_biobot.solid.moduli import PACKED_ENTRY, poisson_ratio, rest_moduli
-from fem_biobot.solid.pattern import Pattern, pattern
-from fem_biobot.solid.records import BodyForce, Fix, Symmetry, Traction
-from fem_biobot.solid.sharing import Shares, run_parts, shares, split
-from fem_biobot.solid.space import BEARS, Element, Ints, Space, space
+from fem_biobot.solid.held import Held
+from fem_biobot.solid.linear import product
+from fem_biobot.solid.mixed.equations import MixedEquations, VolumePoints
+from fem_biobot.solid.moduli import PACKED_ENTRY
+from fem_biobot.solid.pattern import Pattern
+from fem_biobot.solid.sharing import Shares, run_parts, split
+from fem_biobot.solid.space import Ints, Space
+from fem_biobot.solid.surfaces import Scatter, SurfaceTerm
+from fem_biobot.solid.unsymmetric import kernels as unsymmetric
 
 
 class Points(NamedTuple):
     """What the laws say at every point: ``F`` (3, 3, e, q), packed ``S`` and ``D``, energy ``psi`` (e, q).
 
-    With a pressure field its stress, moduli and energy are in, and `volume` holds what else it needs.
+    With a pressure field its stress, moduli and energy are in, and `volume` holds what else it needs. `odd` (15, e, q)
+    is the skew part of the moduli, above the diagonal, where laws have one.
     """
 
     F: Array
@@ -44,6 +41,7 @@ class Points(NamedTuple):
     D: Array
     psi: Array
     volume: VolumePoints | None = None
+    odd: Array | None = None
 
 
 class InvertedError(Exception):
@@ -93,6 +91,14 @@ class System:
     diagonal: NDArray[np.int64]
     mixed: MixedEquations | None = None
     notes: tuple[str, ...] = ()
+    surfaces: tuple[tuple[SurfaceTerm, Scatter], ...] = ()
+    symmetric_laws: bool = True
+    symmetric_surfaces: bool = True
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the matrix is; else it is kept as its symmetric and its skew part, (2, entries)."""
+        return self.symmetric_laws and self.symmetric_surfaces
 
     @property
     def n_dofs(self) -> int:
@@ -148,6 +154,8 @@ class System:
         """Stress carried along linearly to the gradient `F` and by a change of the pressures, (6, e, q) [kPa]."""
         S = np.empty_like(points.S)
         extrapolated_stress(points.F, F, points.S, points.D, S)
+        if points.odd is not None:
+            unsymmetric.add_skew_stress(points.F, F, points.odd, S)
         if self.mixed is not None and points.volume is not None:
             self.mixed.carry(S, points.volume, change)
         return S
@@ -175,7 +183,8 @@ class System:
         if not J > 0.0:
             raise InvertedError(J, element)
         shape = self.space.dV.shape
-        S, D, psi = np.zeros((6, *shape)), np.zeros((21 if moduli else 0, *shape)), np.zeros(shape)
+        rows = (21 if self.symmetric_laws else 36) if moduli else 0
+        S, D, psi = np.zeros((6, *shape)), np.zeros((rows, *shape)), np.zeros(shape)
         if passive:
             for law, elements in self.laws:
                 run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(elements))
@@ -183,10 +192,13 @@ class System:
             for c in self.contractions:
                 law = c.law.scaled(tension)
                 run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(c.elements))
-        volume = None
+        volume = odd = None
+        if rows == 36:
+            full, D, odd = D, np.empty((21, *shape)), np.empty((15, *shape))
+            unsymmetric.parted_moduli(full, D, odd)
         if self.mixed is not None and passive:
             volume = self.mixed.add_points(F, np.zeros(self.n_pressures) if p is None else p, S, D, psi)
-        return Points(F, S, D, psi, volume)
+        return Points(F, S, D, psi, volume, odd)
 
     def internal_force(self, points: Points) -> tuple[Array, Array]:
         """Internal force (n, 3) [mN] and the sum of the sizes of its element parts."""
@@ -202,12 +214,44 @@ class System:
         self.shares.run(add)
         return force, magnitude
 
-    def matrix(self, points: Points, S: Array) -> Array:
-        """Upper triangle of the whole matrix at `points`, with the stress `S` in its geometric part."""
+    def external_force(self, u: Array, load: float) -> Array:
+        """Force of all loads at a load factor, and of foundations, at the displacement `u`, (n, 3) [mN]."""
+        force = load * self.dead_load
+        for term, _ in self.surfaces:
+            force += (load if term.by_load else 1.0) * term.force(u)
+        return force
+
+    def matrix(self, points: Points, S: Array, u: Array | None = None, load: float = 1.0) -> Array:
+        """Upper triangle of the whole matrix at `points`, with the stress `S` in its geometric part.
+
+        Surface terms are evaluated at the displacement `u` (n, 3), by default none. Without symmetry (2, entries): the
+        upper triangles of the symmetric and of the skew part.
+        """
         data = self.tangent(points.F, S, points.D)
         if self.mixed is not None and points.volume is not None:
             self.mixed.add_matrix(self.space, self.pattern, points.F, points.volume, self.turned, self.held.axes, data)
-        return data
+        skew = np.zeros(0 if self.symmetric else len(data))
+        for term, to in self.surfaces:
+            even, odd = to.parts(term.blocks(np.zeros_like(self.dead_load) if u is None else u))
+            factor = load if term.by_load else 1.0
+            data[to.places] += factor * even
+            if skew.size:
+                skew[to.places] += factor * odd
+        if points.odd is not None:
+            self._add_skew_tangent(points, skew)
+        return data if self.symmetric else np.stack([data, skew])
+
+    def _add_skew_tangent(self, points: Points, skew: Array) -> None:
+        s, p = self.space, self.pattern
+        assert points.odd is not None
+
+        def add(elements: Ints) -> None:
+            unsymmetric.skew_tangent(
+                elements, s.nodes, s.slopes, s.to_reference, s.dV, points.F, points.odd, p.place, self.turned,
+                self.held.axes, skew,
+            )  # fmt: skip
+
+        self.shares.run(add)
 
     def tangent(self, F: Array, S: Array, D: Array) -> Array:
         """Upper triangle of the displacements' part in local axes, held unknowns included."""
@@ -224,136 +268,11 @@ class System:
 
     def product(self, data: Array, v: Array) -> Array:
         """Matrix times vector (dofs,), both in local axes."""
-        y = np.empty(self.n_dofs)
-        kernels.symmetric_product(self.pattern.starts, self.pattern.columns, data, v, y)
-        return y
+        return product(self.pattern, data, v)
 
     def block(self, data: Array) -> None:
         """Replace the rows and columns of held unknowns by those of a scaled identity, in place."""
-        scale = float(np.mean(data[self.pattern.starts[: self.n_dofs - self.n_pressures]]))
-        data[self.blocked] = 0.0
-        data[self.diagonal] = scale
-
-
-def assemble_system(
-    mesh: BodyMesh,
-    materials: Mapping[str, Law],
-    active: Mapping[str, ActiveStress],
-    supports: Sequence[Fix | Symmetry],
-    loads: Sequence[Traction | BodyForce],
-    element: Element | str,
-    degree: int | None,
-) -> System:
-    """Check that the parts of a model fit the mesh and make its discrete equations."""
-    for what, names in (("materials", materials), ("active", active)):
-        for name in names:
-            if name not in mesh.regions:
-                raise ModelError(f"{what}: found region {name!r}, expected one of {', '.join(mesh.regions)}")
-    missing = [name for name in mesh.regions if name not in materials]
-    if missing:
-        raise ModelError(f"materials: found none for region {missing[0]!r}, expected a law for every region")
-    body = space(mesh, element, degree)
-    whole, parts = split_laws(mesh, body.element, materials)
-    laws = tuple((law, np.ascontiguousarray(mesh.regions[name], dtype=np.int64)) for name, law in whole.items())
-    moduli = {name: rest_moduli(law, elements, body) for name, (law, elements) in zip(whole, laws, strict=True)}
-    shear = {name: both[0] for name, both in moduli.items()}
-    held_nodes = held(mesh, body, supports)
-    _refuse_undetermined_pressure(body, parts, held_nodes)
-    field = pressure_field(body, parts, shear)
-    sparsity = pattern(body.nodes, body.n_nodes, field.nodes if field else None, field.n if field else 0)
-    shared = shares(body.nodes, body.points)
-    fixed = np.zeros(sparsity.n_dofs, dtype=bool)
-    fixed[held_nodes.dofs] = True
-    rows = np.repeat(np.arange(sparsity.n_dofs), np.diff(sparsity.starts))
-    blocked = np.flatnonzero(fixed[rows] | fixed[sparsity.columns])
-    return System(
-        body,
-        sparsity,
-        laws,
-        tuple(_contraction(mesh, body, name, muscle, materials[name], shear[name]) for name, muscle in active.items()),
-        held_nodes,
-        dead_load(mesh, body, loads),
-        shared,
-        held_nodes.turned if np.any(held_nodes.turned >= 0) else held_nodes.turned[:0],
-        blocked,
-        sparsity.starts[:-1][fixed].astype(np.int64),
-        equations(body, sparsity, field, shared) if field else None,
-        _notes(body.element, {name: poisson_ratio(*moduli[name]) for name in materials if name not in parts}),
-    )
-
-
-def _notes(element: Element, poissons: Mapping[str, float]) -> tuple[str, ...]:
-    """What is to be said of regions in displacement form whose Poisson's ratio is above what the element bears."""
-    limit = BEARS.get(element, BEARS[Element.P2])
-    return tuple(
-        f"{name}: Poisson's ratio {poisson:.4g} is above the {limit:g} that the displacement element "
-        f"{Element.P1 if element is Element.P1 else Element.P2} bears without locking; expected the mixed element "
-        f"{Element.P2P1} (with a law that splits) or a lower ratio"
-        for name, poisson in poissons.items()
-        if poisson > limit + 1e-9
-    )
-
-
-def _refuse_undetermined_pressure(body: Space, parts: Mapping[str, Part], found: Held) -> None:
-    """Incompressible regions held all around: a pressure that is the same everywhere does no work there.
-
-    Seen from the nodal forces of a unit pressure in each region: some sum of them vanishes at all free unknowns.
-    """
-    closed = {name: part for name, part in parts.items() if part.compliance == 0.0}
-    if not closed:
-        return
-    F = np.zeros((3, 3, *body.dV.shape))
-    S = np.zeros((6, *body.dV.shape))
-    F[0, 0] = F[1, 1] = F[2, 2] = 1.0
-    S[:3] = 1.0
-    forces = []
-    for part in closed.values():
-        force, magnitude = np.zeros((body.n_nodes, 3)), np.zeros((body.n_nodes, 3))
-        kernels.internal_force(
-            part.elements, body.nodes, body.slopes, body.to_reference, body.dV, F, S, force, magnitude
-        )
-        free = found.to_local(force).ravel()
-        free[found.dofs] = 0.0
-        forces.append(free / np.linalg.norm(magnitude))
-    sizes = np.linalg.svd(np.array(forces), compute_uv=False)
-    if sizes[-1] < 1e-10:
-        names = ", ".join(closed)
-        raise ModelError(
-            f"supports: found incompressible tissue ({names}; poisson 0.5) held all around, where nothing determines "
-            "the pressure, expected a part of its surface free or a poisson below 0.5"
-        )
-
-
-def with_laws(
-    system: System, mesh: BodyMesh, materials: Mapping[str, Law], active: Mapping[str, ActiveStress]
-) -> System:
-    """The same equations with other passive laws; space and sparsity are shared.
-
-    `materials` and `active` in the order of those that the system was made with.
-    """
-    whole, parts = split_laws(mesh, system.space.element, materials)
-    check_same_regions(parts, system.mixed.field if system.mixed else None)
-    laws = tuple((law, elements) for law, (_, elements) in zip(whole.values(), system.laws, strict=True))
-    mixed = system.mixed and system.mixed.with_parts(system.space, system.pattern, tuple(parts.values()))
-    # active strain contracts the passive law itself
-    contractions = tuple(
-        replace(c, law=c.law.over(materials[name])) if isinstance(c.law, ActiveStrain) else c
-        for name, c in zip(active, system.contractions, strict=True)
-    )
-    return replace(system, laws=laws, mixed=mixed, contractions=contractions)
-
-
-def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress, law: Law, shear: float) -> Contraction:
-    elements = np.ascontiguousarray(mesh.regions[name], dtype=np.int64)
-    n, n_points = body.dV.shape
-    tension, a0 = np.zeros((n, n_points)), np.zeros((3, n, n_points))
-    for label, given in (("tension", np.asarray(muscle.tension)), ("a0", muscle.a0[0])):
-        if given.ndim and given.shape != (len(elements),):
-            raise ModelError(
-                f"active[{name!r}].{label}: found {given.shape[0]} values, expected one for each of "
-                f"{len(elements)} elements of the region"
-            )
-    tension[elements] = np.asarray(muscle.tension).reshape(-1, 1)
-    a0[:, elements] = muscle.a0.reshape(3, -1, 1)
-    rise = float(tension.max()) / (3.0 * shear)
-    return Contraction(elements, tension, a0, rise, active_law(muscle, n, elements, law))
+        even = data if data.ndim == 1 else data[0]
+        scale = float(np.mean(even[self.pattern.starts[: self.n_dofs - self.n_pressures]]))
+        data[..., self.blocked] = 0.0
+        even[self.diagonal] = scale

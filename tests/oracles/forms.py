@@ -8,8 +8,9 @@ directly and scikit-fem assembles, with node numbers of its own that are matched
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import skfem
@@ -83,6 +84,16 @@ class FormOracle:
         found = _tangent.assemble(self.basis, u=self._displacement(u), **self._expand(fields))
         return sparse.csr_matrix(found)[self.order][:, self.order]
 
+    def tangent_of(self, u: Array, laws: Sequence[Any], elements: NDArray[np.int64]) -> sparse.csr_matrix:
+        """The same with ``dP/dF`` asked of the laws themselves, summed, on some elements; it need not be symmetric."""
+        mine = np.flatnonzero(np.isin(self.elements, elements))
+        basis = skfem.Basis(self.basis.mesh, self.basis.elem, elements=mine, quadrature=self.basis.quadrature)
+        values = np.zeros(basis.N)
+        values[self.order] = u.ravel()
+        F = basis.interpolate(values).grad + np.eye(3)[:, :, None, None]
+        found = _any_tangent.assemble(basis, tensor=np.sum([law.tangent(F) for law in laws], axis=0))
+        return sparse.csr_matrix(found)[self.order][:, self.order]
+
 
 def _kinematics(u: skfem.DiscreteField) -> tuple[Array, Array, Array]:
     """``F``, its inverse and ``ln J``, by cofactors."""
@@ -90,6 +101,11 @@ def _kinematics(u: skfem.DiscreteField) -> tuple[Array, Array, Array]:
     cofactor = np.stack([np.cross(F[(i + 1) % 3], F[(i + 2) % 3], axis=0) for i in range(3)])
     J = np.einsum("k...,k...->...", F[0], cofactor[0])
     return F, cofactor.swapaxes(0, 1) / J, np.log(J)
+
+
+@skfem.BilinearForm
+def _any_tangent(du, v, w):
+    return np.einsum("ik...,ik...->...", np.einsum("ikjl...,jl...->ik...", w.tensor, du.grad), v.grad)
 
 
 @skfem.LinearForm

@@ -132,7 +132,7 @@ def test_reactions_and_loads_balance_in_force_and_moment() -> None:
         (BodyForce((1.0, 0.0, 0.0), "bone"), "region 'bone', expected one of muscle, skeleton"),
         (BodyForce(lambda X: X.T), "shape"),
         (BodyForce(lambda X: np.full(X.shape, np.inf)), "finite"),
-        ("gravity", "expected Traction or BodyForce"),
+        ("gravity", "expected Traction, Pressure or BodyForce"),
     ],
 )
 def test_loads_that_fit_nothing_are_refused(load: object, word: str) -> None:

@@ -21,7 +21,9 @@ from fem_biobot.material.law import Array, Law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.assembly import assemble_system, with_laws
 from fem_biobot.solid.held import place_nodes
-from fem_biobot.solid.newton import Counts, Equilibrium, LinearSolver, NewtonSettings, Trial
+from fem_biobot.solid.multigrid.solver import TwoLevelSolver
+from fem_biobot.solid.multigrid.two_level import TwoLevel
+from fem_biobot.solid.newton import MANY, Counts, Equilibrium, LinearSolver, NewtonSettings, StepSolver, Trial
 from fem_biobot.solid.path import PathFailedError, equilibria
 from fem_biobot.solid.records import Load, Step, Support, as_step
 from fem_biobot.solid.space import Element, Ints, LockingWarning
@@ -251,13 +253,18 @@ class SolidSolution:
         return self.last.at(point)
 
 
-def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> LinearSolver:
-    """A linear solver that several calls of `solve` can share."""
-    mixed = model.system.mixed
-    steadying = (mixed.compliance_places, mixed.steadying) if mixed else None
-    return LinearSolver(
-        model.system.pattern, settings or NewtonSettings(), steadying=steadying, symmetric=model.system.symmetric
-    )
+def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> StepSolver:
+    """A linear solver that several calls of `solve` can share; `NewtonSettings.linear` says which."""
+    settings, system = settings or NewtonSettings(), model.system
+    able = system.mixed is None and system.space.quadratic and system.symmetric
+    if settings.linear == "iterative" and not able:
+        what = f"element {model.element}" if system.symmetric else "loads or laws without a potential"
+        raise ModelError(f"linear: found 'iterative' with {what}, expected element P2 and a symmetric tangent")
+    if able and (settings.linear == "iterative" or (settings.linear == "auto" and model.n_dofs > MANY)):
+        own = system.held
+        return TwoLevelSolver(TwoLevel(system.pattern, system.space.nodes, own.turned, own.axes, own.dofs))
+    steadying = (system.mixed.compliance_places, system.mixed.steadying) if system.mixed else None
+    return LinearSolver(system.pattern, settings, steadying=steadying, symmetric=system.symmetric)
 
 
 StateObserver = Callable[[str, dict[str, float]], None]
@@ -272,7 +279,7 @@ def solve(
     trial: tuple[Array, Array | None] | tuple[Array, Array | None, Array | None] | None = None,
     observe: StateObserver | None = None,
     on_state: Callable[[SolidState], None] | None = None,
-    solver: LinearSolver | None = None,
+    solver: StepSolver | None = None,
 ) -> SolidSolution:
     """Equilibria along a path of load steps.
 

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array, OutsideLawError
 from fem_biobot.solid.linear import (
     Factorisation,
@@ -45,12 +46,26 @@ class NewtonSettings:
     check_stability
         Factor the tangent of every state once it has converged: an equilibrium from which the body would snap away is
         no answer. Conjugate gradients alone do not see a direction in which nothing pushes.
+    linear
+        How linear systems are solved: ``direct`` factors the matrix; ``iterative``, for quadratic tetrahedra without
+        pressures, factors that of the linear ones alone (`solid.multigrid`); ``auto`` takes the latter where the model
+        has more unknowns than `MANY`, whose factor would need much memory.
     """
 
     tolerance: float = 1e-9
     max_iterations: int = 12
     max_cg: int = 12
     check_stability: bool = True
+    linear: str = "auto"
+
+    def __post_init__(self) -> None:
+        if self.linear not in _WAYS:
+            raise ModelError(f"linear: found {self.linear!r}, expected one of: {', '.join(_WAYS)}")
+
+
+_WAYS = ("auto", "direct", "iterative")
+# unknowns from which systems are solved iteratively: the factor of so many takes about 6 GiB
+MANY = 300_000
 
 
 # relative residual of a trial below which the factor of the step before still serves
@@ -62,6 +77,29 @@ _NEAR = 1e-4
 _STEADY = 1e-6
 # the residual cannot fall below this many times what rounding leaves of the stresses
 _ROUNDING = 4.0
+
+
+class StepSolver(Protocol):
+    """What a step needs of whoever solves its linear systems; both ways tell where an equilibrium is not stable."""
+
+    counts: Counts
+
+    @property
+    def name(self) -> str:
+        """How systems are solved."""
+        ...
+
+    def renew(self) -> None:
+        """Have the next tangent prepared anew."""
+        ...
+
+    def refuse_unstable(self, data: Array) -> None:
+        """Raise `NotPositiveDefiniteError` for the tangent of an equilibrium that is not stable."""
+        ...
+
+    def solve(self, data: Array, b: Array, tolerance: float) -> Array:
+        """Solve with the tangent's upper triangle; raises `NotPositiveDefiniteError`."""
+        ...
 
 
 class StepFailedError(Exception):
@@ -225,7 +263,7 @@ Observer = Callable[[str, dict[str, float]], None]
 
 def newton(
     system: System,
-    solver: LinearSolver,
+    solver: StepSolver,
     step: Step,
     trial: Trial,
     scale: float,
@@ -310,7 +348,7 @@ def newton(
     )
 
 
-def refuse_unstable(system: System, solver: LinearSolver, state: Equilibrium) -> None:
+def refuse_unstable(system: System, solver: StepSolver, state: Equilibrium) -> None:
     """Refuse a converged state whose tangent is not positive definite; raises `StepFailedError`."""
     data = system.matrix(state.points, state.points.S, state.u, state.step.load)
     system.block(data)

@@ -14,10 +14,10 @@ import numpy as np
 from fem_biobot.solid.newton import (
     Counts,
     Equilibrium,
-    LinearSolver,
     NewtonSettings,
     Observer,
     StepFailedError,
+    StepSolver,
     Trial,
     newton,
     refuse_unstable,
@@ -45,7 +45,7 @@ class PathFailedError(Exception):
 
 def equilibria(
     system: System,
-    solver: LinearSolver,
+    solver: StepSolver,
     steps: list[Step],
     settings: NewtonSettings,
     observe: Observer,

@@ -30,8 +30,8 @@ class TwoLevelSolver:
 
     Notes
     -----
-    Stability is not decided by pivots here: `refuse_unstable` looks for a direction of negative stiffness in the Krylov space of
-    a generic vector, which finds one unless it is nearly orthogonal to that space.
+    Stability is not decided by pivots here: `refuse_unstable` looks for a direction of negative stiffness in the Krylov
+    space of a generic vector, which finds one unless it is nearly orthogonal to that space.
     """
 
     levels: TwoLevel

@@ -327,8 +327,8 @@ def expect(study: Study, level: str) -> None:
 
 FOUND = """
 ``python studies/gait_accuracy.py`` on two cores shared with much other work (54 minutes). Steps in which contact
-changes are divided into four. No step was accepted unconverged; those that did not converge were halved (with 0.42 / 0.3 and
-the base's steps none, adaptive ones apart, which are halved for their error). Advances in mm a stroke.
+changes are divided into four. No step was accepted unconverged; those that did not converge were halved (with
+0.42 / 0.3 and the base's steps none; adaptive steps are halved for their error as well). Advances in mm a stroke.
 
 Equal coefficients (0.3): one gait at every frequency, the same from every start.
 

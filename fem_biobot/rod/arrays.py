@@ -108,12 +108,24 @@ class Constraints(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Points that the ground stops: node (c,), offset (c, 3), radius (c,), axis in the node's frame (c, 3) or zero."""
+    """Points that the ground stops.
+
+    Attributes
+    ----------
+    node, offset
+        Where they are, (c,) and (c, 3) [mm].
+    radius, axis
+        Of a round surface, (c,) [mm], and its direction in the node's frame, (c, 3) or zero for a sphere.
+    elsewhere, acting
+        1 where the ground's force acts on another point of the node, (c,), and the offset of that, (c, 3) [mm].
+    """
 
     node: Ints
     offset: Array
     radius: Array
     axis: Array
+    elsewhere: Ints
+    acting: Array
 
 
 class Drags(NamedTuple):

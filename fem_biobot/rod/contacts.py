@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 def contact_arrays(contacts: Sequence[ContactPoints], atlas: Atlas) -> Contacts:
     """Contact points with the ground; refuses parts that do not exist."""
-    nodes, offsets, radii, axes = [], [], [], []
+    nodes, offsets, radii, axes, elsewhere, acting = [], [], [], [], [], []
     for group in contacts:
         if isinstance(group.part, str):
             if group.part not in atlas.bodies:
@@ -39,12 +39,16 @@ def contact_arrays(contacts: Sequence[ContactPoints], atlas: Atlas) -> Contacts:
             offsets.append(position - atlas.centre[node])
             radii.append(group.radius)
             axes.append(axis)
+            elsewhere.append(int(group.acts_at is not None))
+            acting.append((position if group.acts_at is None else np.array(group.acts_at)) - atlas.centre[node])
     c = len(nodes)
     return Contacts(
         np.array(nodes, dtype=np.int64),
         np.array(offsets, dtype=float).reshape(c, 3),
         np.array(radii, dtype=float),
         np.array(axes, dtype=float).reshape(c, 3),
+        np.array(elsewhere, dtype=np.int64),
+        np.array(acting, dtype=float).reshape(c, 3),
     )
 
 

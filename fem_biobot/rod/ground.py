@@ -28,12 +28,17 @@ class ContactPoints:
         A round surface of this radius about each point [mm]: the part touches below it, and rolls.
     axis
         Direction in which the round surface extends: a cylinder; a sphere by default.
+    acts_at
+        As drawn, (3,) [mm]: the point of the part on which the ground's force acts and whose motion friction sees,
+        though it is the points that the ground stops; by default they themselves. A device that leaves out the force's
+        moment, and does work in turning.
     """
 
     part: str | Place
     points: Any
     radius: float = 0.0
     axis: Vector | None = None
+    acts_at: Vector | None = None
 
     def __post_init__(self) -> None:
         points = np.atleast_2d(np.array(self.points, dtype=float))
@@ -42,6 +47,8 @@ class ContactPoints:
         _number("contact points: radius", self.radius, 0.0)
         if self.axis is not None and not np.linalg.norm(vector("contact points: axis", self.axis)) > 0.0:
             raise ModelError(f"contact points: found axis {self.axis}, expected a direction")
+        if self.acts_at is not None:
+            vector("contact points: acts_at", self.acts_at)
         _set(self, points=points)
 
 

@@ -199,14 +199,43 @@ def test_contact_rows_are_the_derivative_of_the_gap(
     """
     draw = generator(4)
     direction = np.zeros(3) if axis is None else np.array(axis) / np.linalg.norm(axis)
-    contacts = Contacts(np.array([1]), draw.normal(size=(1, 3)), np.array([radius]), direction[None])
+    contacts = Contacts(
+        np.array([1]), draw.normal(size=(1, 3)), np.array([radius]), direction[None], np.array([0]), np.zeros((1, 3))
+    )
     axes = Rotation.random(rng=draw).as_matrix()
     x, Q, step = _nodes()
 
     def gap(eps: float) -> Array:
-        return np.array([[kernels.contact(contacts, 0, *_after(x, Q, eps * step), axes, 0.3, np.empty((3, 1, 6)))]])
+        return np.array(
+            [[kernels.contact(contacts, 0, *_after(x, Q, eps * step), axes, 0.3, False, np.empty((3, 1, 6)))]]
+        )
 
     rows = np.empty((3, 1, 6))
-    kernels.contact(contacts, 0, x, Q, axes, 0.3, rows)
+    kernels.contact(contacts, 0, x, Q, axes, 0.3, False, rows)
     np.testing.assert_allclose(taylor_slope(gap, np.array([[rows[0, 0] @ step[1]]])), 2.0, atol=0.1)
     np.testing.assert_allclose(rows[:, 0, :3], axes, rtol=1e-15)
+
+
+def test_a_force_that_acts_elsewhere_has_rows_of_its_own(mode: str) -> None:
+    """The gap stays the point's; along the ground, and where impulses act, it is the other point that moves.
+
+    Catches: the force left at the point, a gap taken at the other one.
+    """
+    draw = generator(6)
+    points = draw.normal(size=(2, 3))
+    axes = Rotation.random(rng=draw).as_matrix()
+    x, Q, _ = _nodes()
+
+    def found(offset: Array, acting: Array | None, pushing: bool) -> tuple[float, Array]:
+        there = np.zeros((1, 3)) if acting is None else acting[None]
+        flags = np.array([0 if acting is None else 1])
+        contacts = Contacts(np.array([1]), offset[None], np.zeros(1), np.zeros((1, 3)), flags, there)
+        rows = np.empty((3, 1, 6))
+        return kernels.contact(contacts, 0, x, Q, axes, 0.3, pushing, rows), rows[:, 0]
+
+    (gap, at_point), (_, at_other) = (found(p, None, False) for p in points)
+    for pushing in (False, True):
+        there, rows = found(points[0], points[1], pushing)
+        assert there == gap
+        np.testing.assert_array_equal(rows[0], at_other[0] if pushing else at_point[0])
+        np.testing.assert_array_equal(rows[1:], at_other[1:])

@@ -154,6 +154,7 @@ def aspects(model: RodModel, ground: Any) -> dict[str, Any]:
         for key in ("area", "young", "passive", "active", "viscosity"):
             found.setdefault(f"{key} of {kind} members", []).append(rounded(getattr(member, key)))
     found["feet"] = [rounded(group.points) for group in model.contacts]
+    found["reaction"] = rounded(assembly.contacts.acting - assembly.contacts.offset)
     found["buoyancy"] = rounded([load.force[2] for load in model.loads if isinstance(load, PointLoad)][2:20])
     found["drag"] = rounded(np.concatenate([assembly.drag.across, assembly.drag.tumble])[:120])
     for joint in (Rigid, Spherical):
@@ -181,7 +182,7 @@ CHANGES = {
         "drag",
     },
     Oddity.leg_node_contact: {"points of leg", "z guides"},
-    Oddity.centred_reaction: {"feet"},
+    Oddity.centred_reaction: {"reaction"},
     Oddity.friction_twice: {"ground"},
     Oddity.absolute_damping: {
         "drag",
@@ -224,6 +225,9 @@ def test_oddities_change_by_what_they_say() -> None:
         A = yielding.assembly
         assert A.elements.stiffness[e, 3] / A.elements.length[e] == pytest.approx(wanted, rel=1e-12)
         assert A.damping[e] * wanted == pytest.approx(5.0, rel=1e-12)
+    centred = walker(Oddity.centred_reaction).assembly.contacts
+    np.testing.assert_allclose(centred.acting[:, 0] - centred.offset[:, 0], [1.75, -1.75] * 4, rtol=1e-12)
+    assert centred.elsewhere.all()
     between = slice(2, 14)
     compliance = [
         float((m.assembly.elements.length[between] / m.assembly.elements.stiffness[between, 3]).sum())

@@ -74,6 +74,7 @@ def _muscle(**changed: Any) -> Muscle:
         (lambda: ContactPoints("foot", [[0, 0]]), "contact points: found shape"),
         (lambda: ContactPoints("foot", [[0, 0, 0]], radius=-1.0), "radius"),
         (lambda: ContactPoints("foot", [[0, 0, 0]], axis=(0, 0, 0)), "axis"),
+        (lambda: ContactPoints("foot", [[0, 0, 0]], acts_at=(0, 0, NAN)), "contact points: acts_at"),
         (lambda: Ground(-0.1), "static_friction"),
         (lambda: Ground(0.4, 0.5), "kinetic_friction: found 0.5 above the static 0.4"),
         (lambda: Ground(0.4, 0.3, 0.2, 0.3), "kinetic_friction: found 0.3 above the static 0.2"),

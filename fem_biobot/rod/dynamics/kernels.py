@@ -140,8 +140,8 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
         add_joint_forces(joints, inertia.held, work.xm, work.Qm, work.joint1, rhs)
         joint_gaps(joints, inertia.held, x1, Q1, v1, work.joint_gap, work.joint_rate)
     C, T, axes, height = assembly.contacts, assembly.touches, plane.axes, plane.height
-    meet(C, T, inertia.held, work.xm, work.Qm, axes, height, work.gap, work.push, work.push_ends)
-    meet(C, T, inertia.held, x1, Q1, axes, height, work.gap, work.rows, work.ends)
+    meet(C, T, inertia.held, work.xm, work.Qm, axes, height, True, work.gap, work.push, work.push_ends)
+    meet(C, T, inertia.held, x1, Q1, axes, height, False, work.gap, work.rows, work.ends)
     return scale, _ROUNDING * (momentum + stiffest)
 
 

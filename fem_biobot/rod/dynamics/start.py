@@ -70,7 +70,7 @@ def refuse_inside(assembly: Assembly, plane: Plane, state: State) -> None:
                 "(draw the parts apart or give a smaller distance)"
             )
     for k in range(len(assembly.contacts.node)):
-        gap = contact(assembly.contacts, k, state.x, state.Q, plane.axes, plane.height, rows)
+        gap = contact(assembly.contacts, k, state.x, state.Q, plane.axes, plane.height, False, rows)
         if gap < -_INSIDE * size:
             raise ModelError(
                 f"start: contact point {k} lies {-gap:.3g} mm inside the ground, expected on or above it "

@@ -193,10 +193,9 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
                 for r in range(6):
                     rhs[n + j, r] = -(work.joint_rate[j, r] + work.joint_gap[j, r] / h)
         if count > 0:
-            meet(
-                assembly.contacts, assembly.touches, held, xm, Qm, plane.axes, plane.height, work.gap, work.rows,
-                work.ends,
-            )  # fmt: skip
+            feet, touches, axes, height = assembly.contacts, assembly.touches, plane.axes, plane.height
+            meet(feet, touches, held, xm, Qm, axes, height, True, work.gap, work.push, work.push_ends)
+            meet(feet, touches, held, xm, Qm, axes, height, False, work.gap, work.rows, work.ends)
             if jointed:
                 copy(rhs, work.free)
                 solve(system.plan, work.blocks, work.free)
@@ -204,14 +203,14 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
                 _free_compliance(inertia, inverse, system.touching, work)
             even_out(system.foot, system.touching.shape[0], plane.axes, state.touch, work.rows, work.p)
             trouble = solve_contacts(
-                assembly.touches.distance, system.number, state.touch, state.slide, plane, h, 0.0, work.rows,
-                work.ends, calls.friction, work, scratch,
+                assembly.touches.distance, system.number, state.touch, state.slide, plane, h, 0.0, work.push,
+                work.push_ends, calls.friction, work, scratch,
             )  # fmt: skip
             if not trouble <= CONTACT_ACCEPTED:
                 outcome = CONTACT
                 break
             worst = max(worst, trouble)
-            add_contact_impulses(work.ends, work.rows, work.p, rhs)
+            add_contact_impulses(work.push_ends, work.push, work.p, rhs)
             copy(work.p, state.impulse)
             settle_contacts(work)
             copy_row(work.settled, state.touch)
@@ -241,7 +240,7 @@ def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, 
         for i in range(n):
             for a in range(6):
                 vm[i, a] = 0.5 * (vm[i, a] + v1[i, a])
-        enter_contacts(work.ends, work.rows, work.p, state.touch, vm, h, book, tally)
+        enter_contacts(work.push_ends, work.push, work.p, state.touch, vm, h, book, tally)
         clear(column)
         add_member_forces(assembly.members, xm, Qm, work.active, column)
         book[3] += h * power_of(column, vm)

@@ -286,10 +286,11 @@ def constraint(constraints, j, x, Q, value, rows):
 
 
 @njit(cache=True, nogil=True)
-def contact(contacts, k, x, Q, axes, height, rows):
+def contact(contacts, k, x, Q, axes, height, pushing, rows):
     """Gap of a contact point to the ground, and derivatives of its motion along the ground's axes, `rows` (3, e, 6).
 
-    Only the first of the `e` nodes that rows may have is its own.
+    Only the first of the `e` nodes that rows may have is its own. Where the ground's force acts elsewhere, the
+    tangential rows are those of that point, and with `pushing` the normal one, too.
 
     A round surface touches below its axis: the arm of its lowest point is what turns its rotation into slip.
     """
@@ -316,6 +317,8 @@ def contact(contacts, k, x, Q, axes, height, rows):
     for c in range(3):
         gap += axes[0, c] * p[c]
     for a in range(3):
+        if contacts.elsewhere[k] == 1 and (pushing or a > 0):
+            arm(Q, i, contacts.acting[k], r)
         for c in range(3):
             rows[a, 0, c] = axes[a, c]
         # axes . (dtheta x r) = dtheta . (r x axes)

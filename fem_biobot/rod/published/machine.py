@@ -332,5 +332,5 @@ def _feet(w: ElasticaWalker, rods: dict[str, Rod]) -> list[ContactPoints]:
         place: Place = (f"leg_{pillar}_{side}", LEG_ELEMENTS)
         x, y, z = (float(c) for c in rods[place[0]].points[-1])
         corners: list[Vector] = [(x - w.leg_radius, y, z), (x + w.leg_radius, y, z)]
-        feet.append(ContactPoints(place, [(x, y, z)] if w.has(Oddity.centred_reaction) else corners))
+        feet.append(ContactPoints(place, corners, acts_at=(x, y, z) if w.has(Oddity.centred_reaction) else None))
     return feet

@@ -144,14 +144,15 @@ def touch(touches, k, x, Q, rows, ends):
 
 
 @njit(**INNER)
-def meet(contacts, touches, held, x, Q, axes, height, gap, rows, ends):
+def meet(contacts, touches, held, x, Q, axes, height, pushing, gap, rows, ends):
     """Write gaps (c,), rows (c, 3, e, 6) and nodes `ends` (c, e) of all contacts: first the ground's, then touches.
 
-    Nodes that are held do not move: they are left out, as -1.
+    With `pushing` the rows are those along which impulses act, which may be at another point of a foot. Nodes that are
+    held do not move: they are left out, as -1.
     """
     count = contacts.node.shape[0]
     for k in range(count):
-        gap[k] = contact(contacts, k, x, Q, axes, height, rows[k])
+        gap[k] = contact(contacts, k, x, Q, axes, height, pushing, rows[k])
         for e in range(ends.shape[1]):
             ends[k, e] = -1
         if held[contacts.node[k]] == 0:

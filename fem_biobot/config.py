@@ -22,7 +22,7 @@ from fem_biobot.errors import DesignError, FileError
 from fem_biobot.units import DIMENSIONS, format_quantity, one_line, parse_quantity, shown
 
 PRESETS = Path(__file__).parent / "presets"
-_ORDER = ("junction_bot", "ring_bot", "strip", "cantilever")
+_ORDER = ("junction_bot", "ring_bot", "elastica_walker", "strip", "cantilever")
 _LARGEST_FILE = 1_000_000
 _NUMBER_PATTERN = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 

@@ -29,6 +29,7 @@ from fem_biobot.design_parts import (
     Quantity,
     Record,
     Skeleton,
+    Walker,
 )
 from fem_biobot.errors import DesignError
 from fem_biobot.units import expected_text, format_quantity, one_line, shown
@@ -51,14 +52,17 @@ class Design(Record, frozen=True):
 
     name: str = Field(default="unnamed", description="Name for titles; not part of the digest")
     description: str = Field(default="", description="One line about the design; not part of the digest")
-    kind: Kind = Field(description="bot: skeleton and muscle; strip: muscle alone; cantilever: beam alone")
+    kind: Kind = Field(
+        description="bot: skeleton and muscle; strip: muscle alone; cantilever: beam alone; walker: published rods"
+    )
     skeleton: Skeleton | None = Field(default=None, description="Hydrogel beam and pillars")
     muscle: Muscle | None = Field(default=None, description="Muscle tissue")
     drive: Drive = Field(default_factory=Drive, description="Stimulation")
     ground: Ground = Field(default_factory=Ground, description="Surface and surroundings")
-    mesh: MeshSettings = Field(description="Mesh")
+    mesh: MeshSettings = Field(default_factory=lambda: MeshSettings(size=1.0), description="Mesh")
     numerics: Numerics = Field(default_factory=Numerics, description="Solver settings")
     load: Load | None = Field(default=None, description="Load of a cantilever")
+    walker: Walker | None = Field(default=None, description="The walker of the published rod code")
 
     @model_validator(mode="wrap")
     @classmethod

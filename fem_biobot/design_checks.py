@@ -26,6 +26,9 @@ _RING = ("muscle.ring_thickness", "muscle.ring_height")
 _JUNCTION = ("muscle.junction_width", "muscle.junction_thickness")
 _OPTIONAL = ("skeleton.pillar_count", "skeleton.fillet_radius", "muscle.ring_offset")
 _PARTS = frozenset((*_PILLARS, *_RING, *_JUNCTION, *_OPTIONAL, "muscle.junction_length"))
+# of what rods alone have no use for
+_SOLID = ("mesh.size", "mesh.element", "numerics.tolerance")
+_MEDIUM = ("ground.immersion", "ground.medium_density", "ground.viscosity")
 
 # Smallest clearance worth meshing, relative to the beam's thickness: what only rounding separates is in touch.
 _TOUCH = 1e-6
@@ -38,7 +41,7 @@ def needed_keys(design: Design) -> tuple[str, ...]:
     """Keys of parts that this kind of machine must have and others lack."""
     if design.kind == "strip":
         return ("muscle.junction_length", *_JUNCTION)
-    if design.kind == "cantilever":
+    if design.kind in ("cantilever", "walker"):
         return ()
     if design.muscle is not None and design.muscle.layout == "ring":
         return (*_PILLARS, *_RING)
@@ -48,6 +51,8 @@ def needed_keys(design: Design) -> tuple[str, ...]:
 def unused_keys(design: Design) -> frozenset[str]:
     """Keys of parts that this kind of machine does not have; they keep their default and are not written."""
     optional: tuple[str, ...] = ()
+    if design.kind == "walker":
+        return _PARTS.union(_SOLID, _MEDIUM)
     if design.kind == "bot":
         ring = design.muscle is not None and design.muscle.layout == "ring"
         optional = ("skeleton.fillet_radius",) if ring else _OPTIONAL
@@ -68,6 +73,12 @@ def check_fit(design: Design) -> None:
         _check_muscle(design, design.skeleton, design.muscle)
 
 
+def refuse_without_solid(design: Design, what: str) -> None:
+    """Refuse a machine of rods alone for `what` needs a solid."""
+    if design.kind == "walker":
+        raise DesignError(f"kind: found walker, rods without a solid, expected a bot, strip or cantilever to {what}")
+
+
 def _mm(value: float) -> str:
     return format_quantity(value, "mm", digits=12)
 
@@ -83,8 +94,14 @@ def _check_sections(design: Design) -> None:
         "bot": ("skeleton", "muscle"),
         "strip": ("muscle",),
         "cantilever": ("skeleton", "load"),
+        "walker": ("walker",),
     }[design.kind]
-    for section in ("skeleton", "muscle", "load"):
+    given = "mesh" in design.model_fields_set
+    if design.kind != "walker" and not given:
+        raise DesignError("mesh: missing, expected a section")
+    if design.kind == "walker" and given:
+        raise DesignError('mesh: found a section, expected none for kind "walker"')
+    for section in ("skeleton", "muscle", "load", "walker"):
         present = getattr(design, section) is not None
         if section in has and not present:
             raise DesignError(f'{section}: missing, expected the section [{section}] for kind "{design.kind}"')
@@ -104,12 +121,12 @@ def _check_parts(design: Design) -> None:
     for name in sorted(unused_keys(design)):
         section, _, last = name.rpartition(".")
         record = design.value(section)
-        if record is None:
+        if record is None or section not in design.model_fields_set:
             continue
         value = getattr(record, last)
         if value == type(record).model_fields[last].default:
             continue
-        found = value if isinstance(value, int) else _mm(value)
+        found = _mm(value) if isinstance(value, float) and name in _PARTS else shown(value)
         layout = " with muscle.layout ring" if design.muscle is not None and design.muscle.layout == "ring" else ""
         raise DesignError(f'{name}: found {found}, expected no such key for kind "{design.kind}"{layout}')
 

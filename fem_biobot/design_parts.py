@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
@@ -70,7 +70,7 @@ OptionalPositive = Annotated[float | None, Quantity("1", 0.0, low_open=True)]
 OptionalShare = Annotated[float | None, Quantity("1", 0.0, 1.0)]
 OptionalThird = Annotated[float | None, Quantity("1", 0.0, 1.0 / 3.0)]
 
-Kind = Literal["bot", "strip", "cantilever"]
+Kind = Literal["bot", "strip", "cantilever", "walker"]
 Law = Literal[
     "neo_hooke",
     "neo_hooke_isochoric",
@@ -91,6 +91,9 @@ Immersion = Literal["air", "submerged"]
 Element = Literal["P2", "P2-P1"]
 
 
+OdditySet = Literal["as_published", "corrected"]
+WalkerStart = Literal["standing", "published"]
+Switch = Literal["as_set", "yes", "no"]
 # the parameters of each law besides the two moduli, and the laws that take the muscle's fibres
 LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
     "neo_hooke": (),
@@ -249,3 +252,34 @@ class Load(Record, frozen=True):
     """Load of a cantilever."""
 
     tip_force: Force = Field(description="Force along z, spread over the tip face [mN]")
+
+
+def _switch(description: str) -> Any:
+    return Field(default="as_set", description=f"{description}; as_set: as the set of oddities says")
+
+
+class Walker(Record, frozen=True):
+    """The walker of the published open rod code: which of its oddities it has, its muscles' force, how it begins."""
+
+    oddities: OdditySet = Field(default="as_published", description="Set of oddities from which single ones depart")
+    start: WalkerStart = Field(
+        default="standing",
+        description="standing: at rest with the base force; published: from the drawing, base force growing from 0.1 s",
+    )
+    base_force: Annotated[float, Quantity("mN", 0.0)] = Field(
+        default=0.2, description="Tension of every fibre and ring at rest [mN]"
+    )
+    active_force: Annotated[float, Quantity("mN", 0.0)] = Field(
+        default=0.6, description="What full drive adds to it [mN]"
+    )
+    doubled_shear: Switch = _switch("Shear modulus E / (1 + nu)")
+    halved_beam: Switch = _switch("Half of the beams' mass")
+    smeared_step: Switch = _switch("Bending stiffness averaged where the flexible span ends")
+    yielding_joints: Switch = _switch("Legs turn on the beam against springs and dashpots")
+    stiff_fibres: Switch = _switch("Fibres as stiff as rings")
+    leg_node_contact: Switch = _switch("Rings push the legs' nodes 3 and 4, and float at a fixed height")
+    centred_reaction: Switch = _switch("The ground's force acts on the foot's middle without moment")
+    friction_twice: Switch = _switch("Twice the friction")
+    absolute_damping: Switch = _switch("Drag against rest instead of damping of strains")
+    weightless_muscle: Switch = _switch("Gravity acts on the skeleton alone")
+    overlapping_ends: Switch = _switch("Rings overlap by two elements that hang free")

@@ -60,8 +60,10 @@ class WalkOrder:
 def solve(order: Order, complete: bool) -> int:
     """The main job on a design; `complete` adds what makes a run out of a solve."""
     from fem_biobot.config import load_design
+    from fem_biobot.design_checks import refuse_without_solid
 
     design, size, names = load_design(order.design, order.sets), mesh_size(order.size), region_names(order.rename)
+    refuse_without_solid(design, "solve")
     folder = result_folder(design, order.out)
 
     from fem_biobot.results import remarks, result_tables
@@ -182,8 +184,11 @@ def walk_plan(order: Order, walking: WalkOrder) -> WalkPlan:
 def mesh(order: Order) -> int:
     """Mesh a design into a file, or check a given mesh."""
     from fem_biobot.config import load_design
+    from fem_biobot.design_checks import refuse_without_solid
 
     design = load_design(order.design, order.sets) if order.design else None
+    if design is not None:
+        refuse_without_solid(design, "mesh")
     size, names = mesh_size(order.size), region_names(order.rename)
     if order.out is not None:
         usable_folder(order.out)
@@ -318,6 +323,10 @@ def _safe(name: str) -> str:
 
 def _key_numbers(design: Design) -> dict[str, float]:
     """What tells one design from another."""
+    if design.walker is not None:
+        from fem_biobot.rod.published.design import key_numbers
+
+        return key_numbers(design)
     numbers = {"span_mm": design.span}
     if design.skeleton is not None:
         numbers["gel_young_kPa"] = design.skeleton.material.young

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.design import Design
+from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.errors import MeshError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.facets import facets
@@ -123,6 +124,7 @@ def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
     MeshError
         The size is not positive, Gmsh fails, or the mesh does not have the design's parts and volumes.
     """
+    refuse_without_solid(design, "mesh")
     h = float(design.mesh.size if size is None else size)
     if not (np.isfinite(h) and h > 0):
         raise MeshError(f"mesh size must be a positive length, found {h:g} mm")

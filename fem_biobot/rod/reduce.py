@@ -21,6 +21,9 @@ from fem_biobot.rod.build import Load
 from fem_biobot.rod.drag.record import Drag
 from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel
+from fem_biobot.rod.published.design import walker_of
+from fem_biobot.rod.published.machine import elastica_walker
+from fem_biobot.rod.published.machine import ground_of as published_ground
 from fem_biobot.rod.records import Body, Gravity, Hold, Muscle, PointLoad, Rigid, Rod, Vector
 from fem_biobot.rod.rest import floating
 from fem_biobot.rod.section import RodMaterial, Section
@@ -147,6 +150,8 @@ def _numbered(name: str, count: int) -> list[str]:
 
 def ground_of(design: Design) -> Ground:
     """The design's ground: a level plane at z = 0 with its two coefficients."""
+    if design.kind == "walker":
+        return published_ground(walker_of(design))
     return Ground(design.ground.static_friction, design.ground.kinetic_friction)
 
 
@@ -162,7 +167,8 @@ def reduce(
     Parameters
     ----------
     design
-        A bot, or a cantilever (clamped rod with its tip force).
+        A bot, a cantilever (clamped rod with its tip force), or the published walker, see `elastica_walker`: of fixed
+        elements, without the readings.
     beam_elements
         Elements of each stretch of beam between two pillars, or of a cantilever; even, so that mid-span is a node.
     plate_factor, strands
@@ -203,6 +209,8 @@ def reduce(
     on, without net force), bending of the muscle, its contact with beam or pillar, and warping of the beam.
     """
     factor, strands = PlateFactor(plate_factor), Strands(strands)
+    if design.kind == "walker":
+        return elastica_walker(walker_of(design))
     if design.kind == "strip":
         raise ModelError("kind: found strip, a muscle alone, expected a design with a beam for a rod model")
     if isinstance(beam_elements, bool) or not isinstance(beam_elements, int) or beam_elements < 2 or beam_elements % 2:

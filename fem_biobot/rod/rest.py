@@ -90,16 +90,20 @@ def contact_positions(model: RodModel, x: Array, Q: Array) -> Array:
     return x[..., contacts.node, :] + np.einsum("...cji,cj->...ci", Q[..., contacts.node, :, :], contacts.offset)
 
 
+def _refuse_footless(model: RodModel) -> None:
+    if not model.contacts:
+        raise ModelError("model: found no contact points, expected feet for a walk (contacts=[ContactPoints(...)])")
+
+
 def placed(model: RodModel, shape: RodState, ground: Ground) -> tuple[RodState, float]:
     """A shape turned about the lateral axis and lowered until feet on both sides of its weight touch the ground.
 
     Returns the state, at rest, and the angle [rad]. The centre of mass keeps its place along the ground. Points of the
     feet are taken as sharp; the plane's tilt is left to the settling.
     """
+    _refuse_footless(model)
     points = contact_positions(model, shape.x, shape.Q)
     radius = model.assembly.contacts.radius
-    if len(points) == 0:
-        raise ModelError("model: found no contact points, expected feet for a walk (contacts=[ContactPoints(...)])")
     mass = model.assembly.inertia.mass
     centre = mass @ shape.x / mass.sum()
     tilt = _support_angle(points - centre)
@@ -133,9 +137,9 @@ def _support_angle(points: Array) -> float:
 
 
 def stance(model: RodModel, ground: Ground) -> Stance:
-    """How a machine stands: put on the ground and left to settle with more damping than its own.
+    """How a machine stands: its floating shape, put on the ground and left to settle with more damping than its own.
 
-    It begins in its floating shape, or as drawn if parts of it touch each other.
+    A machine with touches has no floating shape, since statics does not know of them: it falls and settles as drawn.
 
     Raises
     ------
@@ -144,8 +148,11 @@ def stance(model: RodModel, ground: Ground) -> Stance:
     SolveError
         A machine that does not come to rest within 20 s, or falls; `best` is the last `RodState`.
     """
-    # statics does not know how parts rest on each other: such a machine settles from its drawing
-    start, tilt = placed(model, model.drawn() if model.touches else floating(model), ground)
+    _refuse_footless(model)
+    if model.touches:
+        start, tilt = model.drawn(), 0.0
+    else:
+        start, tilt = placed(model, floating(model), ground)
     heavy = _damped(model)
     weight = float(np.linalg.norm(model.assembly.gravity)) * model.mass
     still = _STILL * max(weight, 1e-12) * 1e-3

@@ -19,6 +19,7 @@ from fem_biobot.rod.events import cut, fall, happened, joined
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.rod.published.course import beginning
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import Stance, stance
 
@@ -64,7 +65,8 @@ def walk(
     settings
         Of the integrator.
     start
-        By default the machine first takes its standing shape and settles (`stance`). A `Stance` of the same model saves
+        By default the machine first takes its standing shape and settles (`stance`); a published walker that starts as
+        published begins as drawn. A `Stance` of the same model saves
         that; a `RodState` is begun from as it is; a `Checkpoint` (``motion.final``) goes on from where it was.
     rest
         With another start: the stance that stroke and sagitta are measured from; by default the first sample.
@@ -105,6 +107,9 @@ def walk(
     anatomy(model)  # refuses what cannot walk
     drive = drive_waveform(waveform, frequency, amplitude)
     stood = start if isinstance(start, Stance) else rest
+    if design is not None:
+        drawn, drive = beginning(design, model, drive)
+        start = drawn if start is None else start
     if start is None and not before:
         stood = start = stance(model, ground)
     begin = before[-1].final if before else start.state if isinstance(start, Stance) else start

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fem_biobot.design import Design
+from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.design_parts import LAW_PARAMETERS, Material
 from fem_biobot.errors import DesignError, MeshError
 from fem_biobot.material.active import ActiveStress
@@ -27,6 +28,7 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
     its minus end, free to slide and narrow in that plane (which holds the shear of oblique fibres there); a cantilever
     is clamped. Planar spread of fibres is in the x-y plane.
     """
+    refuse_without_solid(design, "solve")
     materials: dict[str, Law] = {}
     active: dict[str, ActiveStress] = {}
     for region in ("skeleton", "muscle"):

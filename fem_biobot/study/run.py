@@ -15,6 +15,7 @@ from typing import Any
 
 from fem_biobot.config import digest, to_toml
 from fem_biobot.design import Design
+from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.errors import BiobotError, FileError, ModelError, SolveError
 from fem_biobot.files import file_error, write_json, write_text
 from fem_biobot.mesh.body import BodyMesh
@@ -85,6 +86,7 @@ def run(
     BiobotError
         Wrong input before anything is written; a failed solve after everything reached is on disk.
     """
+    refuse_without_solid(design, "solve")
     job = _Job(design, out, mesh_file, names, size, complete, walks, reporter or Silent())
     if force:
         job.folder.clear()

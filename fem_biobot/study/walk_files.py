@@ -13,6 +13,7 @@ from fem_biobot.design import Design
 from fem_biobot.files import file_error
 from fem_biobot.rod.contact.kernels import LIFTED, SLIP
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.published.course import diagnostics
 from fem_biobot.study import compare, rod_outputs
 from fem_biobot.study.outputs import figures_folder, write_table
 from fem_biobot.view.gait import step_against_frequency
@@ -66,6 +67,13 @@ def write_walk(folder: Path, walk: Walk, series: str | None = None) -> None:
     ]
     _tables(folder)
     write_table(folder / "tables" / f"walk_{label(walk)}.csv", rows)
+    if walk.design is not None and walk.design.walker is not None:
+        columns = diagnostics(walk.motion)
+        rows = [
+            dict(zip(columns, values, strict=True))
+            for values in zip(*(_plain(c) for c in columns.values()), strict=True)
+        ]
+        write_table(folder / "tables" / f"diagnostics_{label(walk)}.csv", rows)
 
 
 def _plain(column: Any) -> list[Any]:

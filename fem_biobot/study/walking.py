@@ -179,8 +179,10 @@ def _since(began: float) -> float:
 
 def _refuse(design: Design, plan: WalkPlan) -> None:
     """What cannot walk, before anything is written."""
-    if design.kind != "bot":
-        raise DesignError(f"kind: found {design.kind}, expected bot: only a machine with feet and muscle walks")
+    if design.kind not in ("bot", "walker"):
+        raise DesignError(
+            f"kind: found {design.kind}, expected bot or walker: only a machine with feet and muscle walks"
+        )
     period = 1.0 / max(plan.frequencies)
     if design.numerics.step > period:
         raise DesignError(
@@ -201,7 +203,9 @@ def walks_of(
     compile_kernels(reporter)
     model, ground = reduce(design), ground_of(design)
     place = "in air" if design.ground.immersion == "air" else "submerged"
-    stood = _stance(model, folder, reporter, ground, design.ground.immersion)
+    stood = None
+    if design.walker is None or design.walker.start == "standing":
+        stood = _stance(model, folder, reporter, ground, design.ground.immersion)
     for frequency in plan.frequencies:
         amplitude = plan.amplitude
         if amplitude is None:

@@ -55,7 +55,7 @@ def test_solutions_are_those_of_the_full_matrix(
     assert kernels.factor(made, blocks)
     kernels.solve(made, blocks, b)
     # two directions of elimination of a matrix of condition below 1e4
-    np.testing.assert_allclose(b, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(b, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max(initial=0.0))
 
 
 def test_chains_and_trees_fill_nothing_in() -> None:
@@ -88,3 +88,18 @@ def test_inversion_pivots(mode: str) -> None:
     B = A.copy()
     assert kernels.invert(B)
     np.testing.assert_allclose(A @ B, np.eye(6), rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("nodes", [[], [3], [6, 0, 2, 5, 1, 4]])
+def test_the_compliance_is_the_inverse_at_its_nodes(mode: str, nodes: list[int]) -> None:
+    """For none, for one node, and for more than are solved together, in any order; a row for each unit.
+
+    Catches: columns of the wrong node, a last batch that is shorter, right sides left from the batch before.
+    """
+    made, blocks, full, _ = _system(7, LOOP, [])
+    assert kernels.factor(made, blocks)
+    found = np.zeros((6 * len(nodes), 6 * len(nodes)))
+    kernels.compliance(made, blocks, np.array(nodes, dtype=np.int64), found)
+    rows = np.array([6 * n + k for n in nodes for k in range(6)], dtype=np.int64)
+    expected = np.linalg.inv(full)[np.ix_(rows, rows)].T
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max(initial=0.0))

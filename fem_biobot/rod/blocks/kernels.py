@@ -10,6 +10,8 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
+_AT_ONCE = 4  # nodes whose columns are solved together
+
 
 @njit(cache=True, nogil=True)
 def invert(A):
@@ -113,15 +115,61 @@ def solve(plan, blocks, b):
 
 
 @njit(cache=True, nogil=True)
-def compliance(plan, blocks, nodes, column, out):
-    """Write the factorised system's solutions at `nodes` (f,) for units there, (6 f, 6 f); `column` is scratch."""
-    for f in range(nodes.shape[0]):
-        for c in range(6):
-            for i in range(column.shape[0]):
+def _solve_lanes(plan, blocks, b, y):
+    """As `solve` for several right sides at once, `b` (n, 6, w); `y` (6, w) is scratch.
+
+    Each block is read once for all of them, and the innermost loop runs along them.
+    """
+    n = plan.order.shape[0]
+    w = b.shape[2]
+    for s in range(n):
+        k = plan.order[s]
+        for t in range(plan.start[s], plan.start[s + 1]):
+            L = blocks[plan.lower[t]]
+            i = plan.neighbour[t]
+            for r in range(6):
+                for c in range(6):
+                    value = L[r, c]
+                    for j in range(w):
+                        b[i, r, j] -= value * b[k, c, j]
+    for s in range(n - 1, -1, -1):
+        k = plan.order[s]
+        for t in range(plan.start[s], plan.start[s + 1]):
+            U = blocks[plan.upper[t]]
+            i = plan.neighbour[t]
+            for r in range(6):
+                for c in range(6):
+                    value = U[r, c]
+                    for j in range(w):
+                        b[k, r, j] -= value * b[i, c, j]
+        D = blocks[plan.diagonal[k]]
+        for r in range(6):
+            for j in range(w):
+                y[r, j] = 0.0
+            for c in range(6):
+                value = D[r, c]
+                for j in range(w):
+                    y[r, j] += value * b[k, c, j]
+        for r in range(6):
+            for j in range(w):
+                b[k, r, j] = y[r, j]
+
+
+@njit(cache=True, nogil=True)
+def compliance(plan, blocks, nodes, out):
+    """Write the factorised system's solutions at `nodes` (f,) for units there, a row for each unit, (6 f, 6 f)."""
+    count = nodes.shape[0]
+    most = max(1, min(count, _AT_ONCE))
+    b = np.empty((plan.order.shape[0], 6, 6 * most))
+    y = np.empty((6, 6 * most))
+    for first in range(0, count, most):
+        here = min(most, count - first)
+        b[:] = 0.0
+        for f in range(here):
+            for c in range(6):
+                b[nodes[first + f], c, 6 * f + c] = 1.0
+        _solve_lanes(plan, blocks, b, y)
+        for j in range(6 * here):
+            for other in range(count):
                 for r in range(6):
-                    column[i, r] = 0.0
-            column[nodes[f], c] = 1.0
-            solve(plan, blocks, column)
-            for other in range(nodes.shape[0]):
-                for r in range(6):
-                    out[6 * other + r, 6 * f + c] = column[nodes[other], r]
+                    out[6 * first + j, 6 * other + r] = b[nodes[other], r, j]

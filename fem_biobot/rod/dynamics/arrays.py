@@ -138,8 +138,8 @@ class Work(NamedTuple):
     kept: State  # where a step that is divided began, and its sums
     kept_book: Array
     kept_tally: Array
-    compliance: Array  # (6 f, 6 f) of the nodes that can come into contact
-    response: Array  # (6 f, 3)
+    compliance: Array  # (6 f, 6 f) of the nodes that can come into contact; a row is what a unit there does to all
+    response: Array  # (3, 6 f)
 
 
 def copied(state: State) -> State:
@@ -179,6 +179,6 @@ def work_for(state: State, n_blocks: int, n_touching: int, n_touches: int) -> Wo
         np.zeros(len(BOOK)),
         np.zeros((c, 5)),
         np.zeros((f, f)),
-        np.zeros((f, 3)),
+        np.zeros((3, f)),
     ]
     return Work(*shapes)

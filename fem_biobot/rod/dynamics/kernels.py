@@ -183,7 +183,7 @@ def factorise(assembly, system, h, theta, load_factor, work):
     joint_blocks(assembly.constraints, inertia.held, system.joint, work.x1, work.Q1, 1.0, blocks)
     if not factor(system.plan, blocks):
         return False
-    compliance(system.plan, blocks, system.touching, work.column, work.compliance)
+    compliance(system.plan, blocks, system.touching, work.compliance)
     return True
 
 

@@ -100,7 +100,7 @@ def joint_masses(assembly, system, work):
     joint_blocks(joints, inertia.held, system.joint, work.xm, work.Qm, 1.0, blocks)
     if not factor(system.plan, blocks):
         return False
-    compliance(system.plan, blocks, system.touching, work.column, work.compliance)
+    compliance(system.plan, blocks, system.touching, work.compliance)
     return True
 
 

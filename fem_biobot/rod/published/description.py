@@ -69,6 +69,21 @@ class Oddity(StrEnum):
     overlapping_ends = "overlapping_ends"
 
 
+class Start(StrEnum):
+    """How the machine begins.
+
+    standing
+        At rest on its feet with the base force in its muscles, to which it settled from the drawing; strokes begin at
+        once.
+    published
+        As drawn, at rest, above the ground; it falls. After 0.1 s the base force grows at 1 mN/s up to its size and the
+        strokes begin.
+    """
+
+    standing = "standing"
+    published = "published"
+
+
 _MAY_VANISH = ("base_force", "active_force", "damping_time", "viscosity", "water_density", "poisson")
 AS_PUBLISHED = frozenset(Oddity) - {Oddity.friction_twice}
 CORRECTED: frozenset[Oddity] = frozenset()
@@ -86,6 +101,8 @@ class ElasticaWalker:
     ----------
     oddities
         What is done as in the published code: `AS_PUBLISHED`, `CORRECTED` or any set of `Oddity`.
+    start
+        See `Start`.
     beam_length, beam_spacing, beam_height
         Of each beam, between the two, and of their axes over the ground as drawn [mm].
     beam_radius, flexible_radius
@@ -118,6 +135,7 @@ class ElasticaWalker:
     """
 
     oddities: frozenset[Oddity] = AS_PUBLISHED
+    start: Start = Start.standing
     beam_length: float = 14.0
     beam_spacing: float = 3.5
     beam_height: float = 3.5
@@ -151,7 +169,12 @@ class ElasticaWalker:
 
     def __post_init__(self) -> None:
         _set(self, oddities=oddity_set(self.oddities))
-        for field in fields(self)[1:]:
+        try:
+            _set(self, start=Start(self.start))
+        except ValueError:
+            known = " or ".join(Start)
+            raise ModelError(f"elastica walker: start: found {self.start!r}, expected {known}") from None
+        for field in fields(self)[2:]:
             zero = field.name in _MAY_VANISH
             _number(f"elastica walker: {field.name}", getattr(self, field.name), 0.0, open_low=not zero)
 

@@ -18,7 +18,7 @@ from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.guide import Guide
 from fem_biobot.rod.landmarks import Landmarks
 from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.published.description import ElasticaWalker, Oddity
+from fem_biobot.rod.published.description import ElasticaWalker, Oddity, Start
 from fem_biobot.rod.records import Gravity, Muscle, Place, PointLoad, Rigid, Rod, Spherical, Vector
 from fem_biobot.rod.section import RodMaterial, Section
 from fem_biobot.rod.touch import Touch
@@ -241,13 +241,15 @@ def _members(w: ElasticaWalker, rod: Rod) -> list[Muscle]:
     else:
         viscosity = w.damping_time * w.muscle_young * section.area / area
     pulling = CLOSED if rod.name.startswith("ring") else FIBRE_ELEMENTS
+    # a base force that grows is part of the drive
+    base = w.base_force if w.start is Start.standing else 0.0
     return [
         Muscle(
             (rod.name, e),
             (rod.name, e + 1),
             area,
             w.muscle_young * section.area / area,
-            w.base_force / area if e < pulling else 0.0,
+            base / area if e < pulling else 0.0,
             w.active_force / area if e < pulling else 0.0,
             viscosity=viscosity,
             name=f"{rod.name}_{e + 1}",

@@ -60,42 +60,60 @@ def _gather(distance, touch, slide, plane, h, theta, gap, p, rows, ends, v1, fre
 
 
 @njit(**INNER)
-def _condense(number, rows, ends, push, push_ends, compliance, response, near):
+def _condense(grounded, number, rows, ends, push, push_ends, compliance, response, near):
     """Write velocities at the near contacts by impulses there, (3 a, 3 a), to the front of `near.W`.
 
     `rows` turn velocities of nodes at the end into those of the contacts, `push` impulses there into those of nodes
-    during the step. `number` (n,) are the nodes' places in `compliance`.
+    during the step. `number` (n,) are the nodes' places in `compliance`. Parts that touch without friction, after the
+    first `grounded` contacts, have no impulses along their surface: of what these would do nothing but a mobility is
+    written, and the velocity along the surface is left out of the product.
     """
     W, order, active = near.W, near.order, near.number[0]
     size = 3 * active
+    for t in range(size * size):
+        W[t] = 0.0
     for j in range(active):
         c = order[j]
+        lanes = _lanes(grounded, j, near)
         clear(response)
         for e in range(push_ends.shape[1]):
             if push_ends[c, e] < 0:
                 continue
             f = 6 * number[push_ends[c, e]]
-            for r in range(compliance.shape[0]):
-                for a in range(3):
-                    total = 0.0
-                    for k in range(6):
-                        total += compliance[r, f + k] * push[c, a, e, k]
-                    response[r, a] += total
+            for a in range(lanes):
+                for k in range(6):
+                    impulse = push[c, a, e, k]
+                    if impulse != 0.0:
+                        for r in range(compliance.shape[1]):
+                            response[a, r] += impulse * compliance[f + k, r]
         for i in range(active):
             row = order[i]
+            rising = _lanes(grounded, i, near)
             for e in range(ends.shape[1]):
-                if ends[row, e] < 0 and e > 0:
+                if ends[row, e] < 0:
                     continue
-                there = ends[row, e] >= 0
-                f = 6 * number[ends[row, e]] if there else 0
-                for a in range(3):
+                f = 6 * number[ends[row, e]]
+                for a in range(rising):
                     at = (3 * i + a) * size + 3 * j
-                    for b in range(3):
+                    for b in range(lanes):
                         total = 0.0
-                        if there:
-                            for k in range(6):
-                                total += rows[row, a, e, k] * response[f + k, b]
-                        W[at + b] = total if e == 0 else W[at + b] + total
+                        for k in range(6):
+                            total += rows[row, a, e, k] * response[b, f + k]
+                        W[at + b] += total
+        if lanes == 1:
+            for a in range(1, 3):
+                W[(3 * j + a) * (size + 1)] = W[3 * j * (size + 1)]
+
+
+@njit(**INNER)
+def _lanes(grounded, i, near):
+    """Directions in which a near contact can have impulses: one without friction, of parts that touch, else three."""
+    if near.order[i] < grounded:
+        return 3
+    for k in range(4):
+        if near.static[i, k] > 0.0:
+            return 3
+    return 1
 
 
 @njit(**INNER)
@@ -112,7 +130,10 @@ def solve_contacts(
     near, p = work.near, work.p
     _gather(distance, touch, slide, plane, h, theta, work.gap, p, work.rows, work.ends, work.v1, work.free, near)
     a = near.number[0]
-    _condense(number, work.rows, work.ends, push, push_ends, work.compliance, work.response, near)
+    _condense(
+        p.shape[0] - distance.shape[0], number, work.rows, work.ends, push, push_ends, work.compliance, work.response,
+        near,
+    )  # fmt: skip
     W = near.W[: 9 * a * a].reshape((3 * a, 3 * a))
     trouble, _ = friction(
         W, near.b[:a], near.static[:a], near.kinetic[:a], near.touch[:a], near.slide[:a], near.p[:a], near.w[:a],

@@ -324,9 +324,8 @@ def _safe(name: str) -> str:
 def _key_numbers(design: Design) -> dict[str, float]:
     """What tells one design from another."""
     if design.walker is not None:
-        from fem_biobot.rod.published.design import key_numbers
-
-        return key_numbers(design)
+        base = design.walker.base_force
+        return {"base_force_mN": base, "peak_force_mN": base + design.drive.amplitude * design.walker.active_force}
     numbers = {"span_mm": design.span}
     if design.skeleton is not None:
         numbers["gel_young_kPa"] = design.skeleton.material.young

@@ -254,7 +254,9 @@ _NUMBER_TEXTS = {
     "muscle_section_mm2": "muscle {:.3g} mm^2",
     "passive_tension_kPa": "tension {:.4g}",
     "tip_force_mN": "tip force {:.3g} mN",
+    "base_force_mN": "fibres of {:.3g}",
 }
+_PEAKS = {"peak_tension_kPa": "kPa", "peak_force_mN": "mN"}
 
 
 def preset_table(presets: Sequence[tuple[str, str, Mapping[str, float]]]) -> Table:
@@ -262,7 +264,8 @@ def preset_table(presets: Sequence[tuple[str, str, Mapping[str, float]]]) -> Tab
     rows = []
     for name, description, numbers in presets:
         texts = [text.format(numbers[key]) for key, text in _NUMBER_TEXTS.items() if key in numbers]
-        if "peak_tension_kPa" in numbers:
-            texts[-1] += f" to {numbers['peak_tension_kPa']:.4g} kPa"
+        for key, unit in _PEAKS.items():
+            if key in numbers:
+                texts[-1] += f" to {numbers[key]:.4g} {unit}"
         rows.append((name, description, ", ".join(texts)))
     return Table("", ("preset", "what it is", "key numbers"), tuple(rows))

@@ -179,7 +179,7 @@ def draw_gait(
         key=lambda piece: (-round(float((lateral @ piece.points(x[0], Q[0])).mean()), 6), _layer(piece)),
     )
     for piece in seen_from_right:
-        tissue = piece.kind == "muscle" or piece.name.startswith("ring")
+        tissue = piece.kind == "muscle" or piece.name.startswith(("ring", "fibre"))
         glow = motion.drive[inside] / strongest if piece.kind == "muscle" else None
         seen = np.einsum("ac,tcp->tap", plane, piece.points(x, Q))
         parts.append(Silhouette(seen, piece.triangles, MUSCLE if tissue else GEL, glow))

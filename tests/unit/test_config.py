@@ -15,7 +15,7 @@ from fem_biobot.config import PRESETS, digest, geometry_digest, json_schema, loa
 from fem_biobot.design import Design, keys
 from fem_biobot.errors import DesignError, FileError
 
-NAMES = ("junction_bot", "ring_bot", "strip", "cantilever")
+NAMES = ("junction_bot", "ring_bot", "elastica_walker", "strip", "cantilever")
 
 
 def write(folder: Path, text: str, name: str = "mine.toml") -> Path:
@@ -150,7 +150,7 @@ def test_missing_files_are_answered_with_the_presets(tmp_path: Path) -> None:
     """
     message = refusal("junction_bo", error=FileError)
     assert message.startswith("junction_bo: no such file or preset")
-    assert "junction_bot, ring_bot, strip, cantilever; did you mean junction_bot?" in message
+    assert "junction_bot, ring_bot, elastica_walker, strip, cantilever; did you mean junction_bot?" in message
     assert "no such file or preset" in refusal(tmp_path / "nothing.toml", error=FileError)
     assert "found a folder, expected a TOML file" in refusal(tmp_path, error=FileError)
     assert "found no regular file" in refusal("/dev/null", error=FileError)
@@ -247,14 +247,14 @@ def test_required_keys_that_are_missing_are_named_with_their_unit(tmp_path: Path
         "pillar_width": "skeleton.pillar_width: missing, expected a length",
         "theta": 'muscle.theta: missing, expected an angle with its unit, such as "90 deg"',
         "passive_tension": "muscle.passive_tension: missing, expected a stress with its unit",
-        "kind": "kind: missing, expected one of: bot, strip, cantilever",
+        "kind": "kind: missing, expected one of: bot, strip, cantilever, walker",
         "size": "mesh.size: missing, expected a length",
         "poisson": "skeleton.material.poisson: missing, expected a number",
     }.items():
         without = re.sub(rf"^{key} = .*\n", "", complete, flags=re.MULTILINE)
         assert refusal(write(tmp_path, without)).startswith(words)
     assert refusal(write(tmp_path, 'kind = "bot"\n[mesh]\nsize = "1 mm"\n')).startswith("skeleton: missing")
-    assert refusal(write(tmp_path, "")).endswith(": missing, expected one of: bot, strip, cantilever")
+    assert refusal(write(tmp_path, "")).endswith(": missing, expected one of: bot, strip, cantilever, walker")
     load = 'base = "cantilever"\n[load]\n'
     assert load_design(write(tmp_path, load)).value("load.tip_force") == 0.01
 
@@ -394,7 +394,8 @@ def test_the_resolved_file_holds_every_key_of_its_kind_with_units() -> None:
         written |= {f"{part}.material.{name}": value for name, value in table[part]["material"].items()}
     optional = {name for name, key in keys().items() if key.field.default is None and key.quantity is not None}
     assert {"ground.viscosity", "muscle.optimal_stretch", "skeleton.material.c2"} < optional
-    assert set(written) == set(keys()) - {"muscle.junction_length", "load.tip_force"} - optional
+    walker = {name for name in keys() if name.startswith("walker.")}
+    assert set(written) == set(keys()) - {"muscle.junction_length", "load.tip_force"} - optional - walker
     for name, value in written.items():
         quantity = keys()[name].quantity
         if quantity is not None:

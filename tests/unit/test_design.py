@@ -249,7 +249,7 @@ CHOICES = [
     ("drive.waveform", "sine", "abs_sine, constant"),
     ("ground.immersion", "water", "air, submerged"),
     ("mesh.element", "P1", "P2, P2-P1"),
-    ("kind", "robot", "bot, strip, cantilever"),
+    ("kind", "robot", "bot, strip, cantilever, walker"),
 ]
 
 

@@ -58,7 +58,7 @@ def diagnostics(motion: Motion, rate: float = RATE) -> dict[str, Array]:
     -----
     *beam_middle*: node 8 of the right beam, along the machine. *foot_distance*: between the inner corners of the right
     feet. *friction*: of both feet of a pillar, forward, mean since the sample before (the code writes the kinetic part
-    for the long pillar alone). *ring_push*: of the rings on the long pillar's outer side, forward, mean since then, too.
+    for the long pillar alone). *ring_push*: of the rings on the long pillar's outer side, forward, mean like friction.
     """
     model, times = motion.model, motion.times
     locate = model.atlas.locate

@@ -53,13 +53,23 @@ class SolveError(BiobotError):
         What was reached before the failure (a solution with the converged states), or None.
     reason, reached, wanted
         Why the last try failed, and the steps between which it lies, where a path of steps failed.
+    buckling
+        Critical factors and mode of a body that lost its stability, or None.
     """
 
     exit_code = 3
 
     def __init__(
-        self, message: str, best: Any = None, *, reason: str = "", reached: Any = None, wanted: Any = None
+        self,
+        message: str,
+        best: Any = None,
+        *,
+        reason: str = "",
+        reached: Any = None,
+        wanted: Any = None,
+        buckling: Any = None,
     ) -> None:
         super().__init__(message)
         self.best = best
         self.reason, self.reached, self.wanted = reason, reached, wanted
+        self.buckling = buckling

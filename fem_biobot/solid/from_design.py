@@ -78,6 +78,12 @@ def tension_of(design: Design, a0: Array) -> ActiveStress:
     )
 
 
+def densities(design: Design) -> dict[str, float]:
+    """Mass per volume of each region [kg/mm^3], as `solid.modes` asks for it."""
+    parts = {"skeleton": design.skeleton, "muscle": design.muscle}
+    return {name: part.material.density for name, part in parts.items() if part is not None}
+
+
 def tension_unit(design: Design) -> float:
     """Tension that a tension factor of 1 stands for [kPa]."""
     return (design.tension(design.drive.amplitude) if design.muscle else 0.0) or 1.0

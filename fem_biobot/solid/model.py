@@ -27,6 +27,7 @@ from fem_biobot.solid.newton import MANY, Counts, Equilibrium, LinearSolver, New
 from fem_biobot.solid.path import PathFailedError, equilibria
 from fem_biobot.solid.records import Load, Step, Support, as_step
 from fem_biobot.solid.space import Element, Ints, LockingWarning
+from fem_biobot.solid.stability import Buckling, critical
 from fem_biobot.solid.system import Points, System
 
 if TYPE_CHECKING:
@@ -267,6 +268,9 @@ def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> 
     return LinearSolver(system.pattern, settings, steadying=steadying, symmetric=system.symmetric)
 
 
+# critical points farther than this, in ways to the step that failed, are not why it failed
+_NEAR_CRITICAL = 2.0
+
 StateObserver = Callable[[str, dict[str, float]], None]
 
 
@@ -308,7 +312,8 @@ def solve(
     Raises
     ------
     SolveError
-        Where a step finds no equilibrium however small it is made; its `best` is the solution up to there.
+        Where a step finds no equilibrium however small it is made; its `best` is the solution up to there, and its
+        `buckling` the critical factors and the mode where the body loses its stability.
     """
     system = model.system
     settings = settings or NewtonSettings()
@@ -336,9 +341,51 @@ def solve(
             if on_state:
                 on_state(states[-1])
     except PathFailedError as failure:
-        reason, reached, asked = str(failure), failure.reached, failure.wanted
-        raise SolveError(_advice(failure), finished(), reason=reason, reached=reached, wanted=asked) from None
+        done, lost = finished(), _lost_stability(system, solver, failure)
+        raise SolveError(
+            _advice(failure, lost),
+            done,
+            reason=str(failure),
+            reached=failure.last.step,
+            wanted=failure.wanted,
+            buckling=lost,
+        ) from None
     return finished()
+
+
+def buckling(state: SolidState, toward: float | Step) -> Buckling | None:
+    """Where a body loses its stability on the way from an equilibrium to a step, to first order.
+
+    Parameters
+    ----------
+    state
+        A stable equilibrium.
+    toward
+        The step in whose direction loads and tension change; it need not be reached.
+
+    Returns
+    -------
+    Buckling or None
+        Critical factors and buckling mode; None where nothing buckles in that direction.
+
+    Notes
+    -----
+    Linear eigenvalue problem of the tangent and of its change along the path of equilibria; exact where the tangent
+    changes linearly, as for a slender column, and the better the nearer the equilibrium is to the critical point.
+    """
+    model = state.model
+    return critical(model.system, linear_solver(model), _equilibrium(model.system, state), as_step(toward))
+
+
+def _lost_stability(system: System, solver: LinearSolver, failure: PathFailedError) -> Buckling | None:
+    """Buckling between the last state and the step that failed, if that is why it failed."""
+    if failure.unstable_at is None:
+        return None
+    try:
+        found = critical(system, solver, failure.last, failure.unstable_at)
+    except ModelError:
+        return None
+    return found if found is not None and found.way <= _NEAR_CRITICAL else None
 
 
 def _state(model: SolidModel, found: Equilibrium, work: Counts) -> SolidState:
@@ -361,13 +408,18 @@ def _equilibrium(system: System, state: SolidState) -> Equilibrium:
     )
 
 
-def _advice(failure: PathFailedError) -> str:
-    r, w = failure.reached, failure.wanted
+def _advice(failure: PathFailedError, lost: Buckling | None) -> str:
+    r, w = failure.last.step, failure.wanted
     (load, wanted_load), (tension, wanted_tension) = _apart(r.load, w.load), _apart(r.tension, w.tension)
     return (
         f"no equilibrium between load x{load}, tension x{tension} (reached) and load x{wanted_load}, "
-        f"tension x{wanted_tension} (asked): {failure}; try a lower tension or load, a finer mesh, or a stiffer design"
+        f"tension x{wanted_tension} (asked): {failure}; {_told(lost)}try a lower tension or load, a finer mesh, or a "
+        "stiffer design"
     )
+
+
+def _told(lost: Buckling | None) -> str:
+    return "" if lost is None else f"it buckles at load x{lost.step.load:.4g}, tension x{lost.step.tension:.4g}; "
 
 
 def _apart(first: float, second: float) -> tuple[str, str]:

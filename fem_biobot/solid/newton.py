@@ -103,7 +103,11 @@ class StepSolver(Protocol):
 
 
 class StepFailedError(Exception):
-    """The step did not converge; says why in the words of the solve's message."""
+    """The step did not converge; says why in the words of the solve's message, and whether stability may be why."""
+
+    def __init__(self, text: str, *, unstable: bool = False) -> None:
+        super().__init__(text)
+        self.unstable = unstable
 
 
 @dataclass
@@ -332,9 +336,8 @@ def newton(
         try:
             delta = solver.solve(data, b, forcing)
         except NotPositiveDefiniteError:
-            raise StepFailedError(
-                "the tangent is not positive definite (loss of stability, or a trial too far)"
-            ) from None
+            text = "the tangent is not positive definite (loss of stability, or a trial too far)"
+            raise StepFailedError(text, unstable=True) from None
         last = np.inf if lifting else norm
         lifting = False
         change, change_p = system.parts(delta)
@@ -350,12 +353,22 @@ def newton(
 
 def refuse_unstable(system: System, solver: StepSolver, state: Equilibrium) -> None:
     """Refuse a converged state whose tangent is not positive definite; raises `StepFailedError`."""
-    data = system.matrix(state.points, state.points.S, state.u, state.step.load)
-    system.block(data)
     try:
-        solver.refuse_unstable(data)
+        solver.refuse_unstable(newton_matrix(system, state))
     except NotPositiveDefiniteError:
-        raise StepFailedError("the equilibrium found is not stable (its tangent is not positive definite)") from None
+        text = "the equilibrium found is not stable (its tangent is not positive definite)"
+        raise StepFailedError(text, unstable=True) from None
+
+
+def newton_matrix(system: System, state: Equilibrium, *, blocked: bool = True) -> Array:
+    """The tangent at an equilibrium; `blocked` replaces what is held by a scaled identity."""
+    points = state.points
+    if not len(points.D):  # a state read back keeps no moduli
+        points = system.points(points.F, state.step.tension, state.p)
+    data = system.matrix(points, points.S, state.u, state.step.load)
+    if blocked:
+        system.block(data)
+    return data
 
 
 def _points(system: System, u: Array, p: Array, step: Step, F: Array | None = None) -> Points:

@@ -36,11 +36,14 @@ _REACH = 2.0
 
 
 class PathFailedError(Exception):
-    """No equilibrium at a step even after halving it; carries the last state reached and the step that failed."""
+    """No equilibrium at a step even after halving it.
 
-    def __init__(self, reason: str, reached: Step, wanted: Step) -> None:
+    Carries the last state reached, the step asked for, and the shorter one that failed if stability may be why.
+    """
+
+    def __init__(self, reason: str, last: Equilibrium, wanted: Step, unstable_at: Step | None) -> None:
         super().__init__(reason)
-        self.reached, self.wanted = reached, wanted
+        self.last, self.wanted, self.unstable_at = last, wanted, unstable_at
 
 
 def equilibria(
@@ -80,7 +83,8 @@ def equilibria(
                 halvings += 1
                 reached = history[-1].step
                 if halvings > _HALVINGS or reached == goal or trial:
-                    raise PathFailedError(str(failure), reached, target) from None
+                    unstable_at = goal if failure.unstable and reached != goal else None
+                    raise PathFailedError(str(failure), history[-1], target, unstable_at) from None
                 observe("halved", {"load": goal.load, "tension": goal.tension})
                 goals.append(Step(0.5 * (reached.load + goal.load), 0.5 * (reached.tension + goal.tension)))
                 continue

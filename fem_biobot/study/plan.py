@@ -197,13 +197,21 @@ class Solver:
         """The same failure with its factors told as tensions, where tension is what was raised."""
         if self.design.muscle is None or failure.wanted is None:
             return failure
-        unit = tension_unit(self.design)
+        unit, at = tension_unit(self.design), failure.buckling
+        lost = "" if at is None else f"it buckles at {at.step.tension * unit:.4g} kPa; "
         text = (
             f"no equilibrium between {failure.reached.tension * unit:.4g} kPa of tension (reached) and "
-            f"{failure.wanted.tension * unit:.4g} kPa (asked): {failure.reason}; try a lower tension, a stiffer design "
-            "or another mesh size"
+            f"{failure.wanted.tension * unit:.4g} kPa (asked): {failure.reason}; {lost}try a lower tension, a stiffer "
+            "design or another mesh size"
         )
-        return SolveError(text, failure.best, reason=failure.reason, reached=failure.reached, wanted=failure.wanted)
+        return SolveError(
+            text,
+            failure.best,
+            reason=failure.reason,
+            reached=failure.reached,
+            wanted=failure.wanted,
+            buckling=failure.buckling,
+        )
 
     def _observe(self, kind: str, values: dict[str, float]) -> None:
         if kind == "iteration":

@@ -11,7 +11,7 @@ from fem_biobot.material import NaturalState, NeoHooke
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import committed_mesh
 from fem_biobot.muscle.fibres import fibre_field, in_junction
-from fem_biobot.solid.from_design import model_from_design, remodelled, tension_step, tension_unit
+from fem_biobot.solid.from_design import densities, model_from_design, remodelled, tension_step, tension_unit
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, solve
 from fem_biobot.solid.newton import NewtonSettings
@@ -34,6 +34,17 @@ def test_each_region_has_its_law_and_the_muscle_its_tension() -> None:
     half = load_design("junction_bot", ["muscle.gamma=0.5", "drive.amplitude=0.6"])
     assert tension_unit(half) == pytest.approx(0.5 * (9.09 + 0.6 * 1.30))
     assert tension_step(half, 2.0) == Step(1.0, 2.0 / tension_unit(half))
+
+
+def test_densities_are_those_of_the_parts() -> None:
+    """Each part of the design gives its region's density, a part that is not there none.
+
+    Catches: one density for gel and tissue.
+    """
+    bot = load_design("junction_bot", ["muscle.material.density=1.2 g/cm^3"])
+    assert bot.skeleton is not None
+    assert densities(bot) == {"skeleton": bot.skeleton.material.density, "muscle": pytest.approx(1.2e-6)}
+    assert list(densities(load_design("strip"))) == ["muscle"]
 
 
 def test_a_design_without_tension_counts_in_kilopascals() -> None:

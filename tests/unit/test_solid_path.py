@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -168,7 +169,8 @@ def test_the_ends_of_a_failed_step_can_be_told_apart(reached: Step, wanted: Step
 
     Catches: "between load x1 and load x1" after many halvings.
     """
-    assert re.search(expected, _advice(PathFailedError("no luck", reached, wanted)))
+    last = SimpleNamespace(step=reached)
+    assert re.search(expected, _advice(PathFailedError("no luck", last, wanted, None), None))  # type: ignore[arg-type]
 
 
 def test_a_column_is_refused_beyond_its_buckling_load() -> None:
@@ -191,6 +193,7 @@ def test_a_column_is_refused_beyond_its_buckling_load() -> None:
     best = caught.value.best
     assert len(best.states) == 1
     assert np.abs(best.last.u[:2]).max() < 1e-9 * length
+    assert caught.value.buckling.step.load == pytest.approx(1.0, abs=0.03)
 
 
 class _Wrong:

@@ -1,8 +1,7 @@
-"""C1 to C5 through the public interface: rigid bodies with corners or round surfaces on a frictional ground.
+"""C1 to C5 beyond their rows in the table: rigid bodies with corners or round surfaces on a frictional ground.
 
-Problem: a block that slides to rest, is pushed from rest, sticks and slips on a belt, lies on a slope; a cylinder and a
-    sphere that slide and then roll.
-Exact answers: closed forms of uniform or harmonic motion (VERIFICATION C1 to C5), arithmetic in each test.
+Problem: that of the cases (`verification.contact`), and landings, bounces and feet that come to rest.
+Exact answers: closed forms of uniform or harmonic motion, arithmetic in each test.
 Measured: positions, velocities and times of `dynamics` at its default step of 1 ms, and their change with the step.
 Tolerance: an event is found within its step, so times within a step and lengths within a step times the speed there;
     uniform acceleration is exact for the scheme without its dissipation, up to its tolerance of 1e-9; rest is exact up
@@ -20,167 +19,77 @@ import pytest
 from fem_biobot.rod.contact.kernels import SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Integrator, Motion, Settings, dynamics
 from fem_biobot.rod.ground import ContactPoints, Ground
-from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.records import Body, Gravity, Hold, PointLoad, Spring
-from tests.helpers import unit
-
-MASS = 1.0  # kg
-G = 9810.0  # mm/s^2
-EXACT = Settings(dissipation=0.0)
-
-
-def block(*loads: PointLoad, gravity: tuple[float, float, float] = (0.0, 0.0, -G), members: tuple = ()) -> RodModel:
-    """A block of 1 kg, 12 by 9 by 5 mm, on its four lower corners."""
-    body = Body.box((0.0, 0.0, 2.5), (12.0, 9.0, 5.0), MASS / (12.0 * 9.0 * 5.0), "block")
-    corners = [(x, y, 0.0) for x in (-6.0, 6.0) for y in (-4.5, 4.5)]
-    return RodModel(
-        bodies=[body], loads=[Gravity(gravity), *loads], members=members, contacts=[ContactPoints("block", corners)]
-    )
-
-
-def moving(model: RodModel, *v: float) -> RodState:
-    """The model as drawn with its only body at a velocity, (3,) [mm/s]."""
-    return replace(model.drawn(), v=np.array([[*v, 0.0, 0.0, 0.0]]))
+from fem_biobot.verification.contact import (
+    EXACT,
+    MASS,
+    RADIUS,
+    ROUND,
+    G,
+    block,
+    long_rest,
+    moving,
+    pushed,
+    rolling,
+    slide,
+)
+from fem_biobot.verification.contact_sticking import slide_down, slope
 
 
-def _stop(step: float, direction: tuple[float, float]) -> tuple[float, float]:
-    """Time and distance in which the block stops from 5 m/s with friction 0.5."""
-    model = block()
-    heading = unit(*direction)
-    motion = dynamics(model, 1.1, step, ground=Ground(0.5), start=moving(model, *(5000.0 * heading), 0.0))
-    rests = np.flatnonzero((motion.touch == STICK).all(axis=1) & (motion.times > 0.5))
-    assert np.abs(motion.x[:, 0, :2] @ np.array([-heading[1], heading[0]])).max() <= 1e-9  # it goes straight
-    return float(motion.times[rests[0]]), float(motion.x[-1, 0, :2] @ heading)
+def test_c1_a_block_slides_straight() -> None:
+    """Along an oblique direction nothing pushes it aside.
 
-
-def test_c1_a_sliding_block_stops_in_2548_mm_and_1_019_s() -> None:
-    """v^2 / (2 mu g) = 2548.420 mm and v / (mu g) = 1.019368 s, along any direction.
-
-    Catches: friction doubled over four corners, a box instead of a circle of friction, a bounce at the stop.
+    Catches: a box instead of a circle of friction.
     """
-    for step in (1e-3, 2.5e-4):
-        time, distance = _stop(step, (0.8, 0.6))
-        assert 0.0 <= time - 5000.0 / (0.5 * G) <= step
-        # within the step in which it stops the speed is at most mu g step; theta above 1/2 weighs the ends' speeds
-        weight = Settings().theta(step) - 0.5
-        assert abs(distance - 5000.0**2 / (2.0 * 0.5 * G)) <= 0.5 * 0.5 * G * step**2 + weight * step * 5000.0
-        assert weight * step * 5000.0 <= 0.5e-4 * 2548.0
-    assert 5000.0**2 / (2.0 * 0.5 * G) == pytest.approx(2548.420, abs=5e-4)
+    across = slide(1e-3).x[:, 0, :2] @ np.array([-0.6, 0.8])
+    assert np.abs(across).max() <= 1e-9
 
 
-def test_c1_a_block_at_rest_creeps_less_than_1e_9_mm_in_100_s() -> None:
-    """Held by static friction against a push of nine tenths of it, the block stays for 100 s, to 1e-9 mm.
+def test_c1_a_block_at_rest_bears_its_push() -> None:
+    """Held by static friction, its corners carry weight and push together, and all of them stick.
 
-    Catches: regularised friction, positions that drift with the residual, impulses of corners that turn the block.
+    Catches: friction that holds without a force, regularised friction.
     """
-    push = PointLoad(("block", (0.0, 0.0, 0.5)), force=(0.45 * G * 0.6, 0.45 * G * 0.8, 0.0))
-    motion = dynamics(block(push), 100.0, 5e-3, ground=Ground(0.5), sample_every=1000)
-    assert np.abs(motion.x - motion.x[1]).max() < 1e-9
-    assert (motion.touch[1:] == STICK).all()
-    # and the corners carry weight and push
-    force = motion.contact_force[-1].sum(axis=0)
-    np.testing.assert_allclose(force, [G, -0.27 * G, -0.36 * G], rtol=1e-9)
+    rest = long_rest()
+    assert (rest.touch[1:] == STICK).all()
+    np.testing.assert_allclose(rest.contact_force[-1].sum(axis=0), [G, -0.27 * G, -0.36 * G], rtol=1e-9)
 
 
-@pytest.mark.parametrize("integrator", list(Integrator))
-def test_c2_a_push_from_rest(integrator: Integrator) -> None:
-    """10 N for 0.25 s against 0.8 and 0.4 of a weight of 9.80665 N: 1.1541894 J; 7 N: exactly none.
+def test_c2_explicit_steps_know_static_from_kinetic_friction() -> None:
+    """The other integrator's push from rest: 1.1541894 J after 10 N, exactly none after 7 N.
 
     Catches: static friction kept in slip, kinetic friction at rest, slip begun one step late.
     """
-    settings = Settings(integrator=integrator)
-    for force, energy in ((10_000.0, 1154189.4), (7000.0, 0.0)):
-        push = PointLoad(("block", (0.0, 0.0, 0.0)), force=(0.0, force, 0.0))
-        model = block(push, gravity=(0.0, 0.0, -9806.65))
-        motion = dynamics(model, 0.25, ground=Ground(0.8, 0.4), settings=settings)
-        if energy:
-            assert motion.energy("kinetic")[-1] == pytest.approx(energy, rel=1e-7)
-            assert motion.energy("kinetic")[-1] == pytest.approx(0.5e-6 * (0.25 * (1e7 - 0.4 * 9806650.0)) ** 2)
-        else:
-            assert motion.energy("kinetic")[-1] <= 1e-20
+    settings = Settings(integrator=Integrator.explicit)
+    energy = 0.5e-6 * (0.25 * (1e7 - 0.4 * 9806650.0)) ** 2
+    assert pushed(10_000.0, settings).energy("kinetic")[-1] == pytest.approx(energy, rel=1e-7)
+    assert pushed(7000.0, settings).energy("kinetic")[-1] <= 1e-20
 
 
-@pytest.mark.parametrize(("factor", "axis"), [(1.0, (0.0, 1.0, 0.0)), (0.3, (0.0, 1.0, 0.0)), (0.8, None)])
-def test_c3_a_round_body_slides_and_then_rolls(factor: float, axis: tuple[float, float, float] | None) -> None:
-    """With J = I m r^2 / 2 it rolls at V / (1 + I/2) from V I / (2 + I) / (mu g) on, without further loss.
+@pytest.mark.parametrize("name", list(ROUND))
+def test_c3_a_round_body_keeps_its_height(name: str) -> None:
+    """Its axis stays a radius above the ground, while it slides and while it rolls.
 
-    A point of the surface starts at V, loses mu g by sliding and 2 mu g / I by turning. Catches: contact at the axis
-    without moment, a wrong arm or sign of the moment, friction that goes on while it rolls.
+    Catches: contact at the axis, penetration as it begins to roll.
     """
-    radius, V, mu = 3.0, 400.0, 0.3
-    J = 0.5 * factor * MASS * radius**2
-    body = Body((0.0, 0.0, radius), MASS, (J, J, J), "wheel")
-    ends = [(0.0, -4.0, radius), (0.0, 4.0, radius)] if axis else [(0.0, 0.0, radius)]
-    model = RodModel(
-        bodies=[body], loads=[Gravity((0.0, 0.0, -G))], contacts=[ContactPoints("wheel", ends, radius, axis)]
-    )
-    rolls = V * factor / (2.0 + factor) / (mu * G)
-    motion = dynamics(model, 0.5, ground=Ground(mu), start=moving(model, V, 0.0, 0.0))
-    assert rolls < 0.2
-    # in the step in which slip ends impulse and time are found together, so only the time is within a step
-    begins = motion.times[np.flatnonzero((motion.touch[1:] == STICK).all(axis=1))[0] + 1]
-    assert 0.0 <= begins - rolls <= 1e-3
-    v = motion.v[motion.times > rolls + 1e-3, 0]
-    np.testing.assert_allclose(v[:, 0], V / (1.0 + 0.5 * factor), rtol=1e-8)
-    np.testing.assert_allclose(v[:, 4] * radius, v[:, 0], rtol=1e-8)
-    assert np.abs(motion.x[:, 0, 2] - radius).max() <= 1e-9 * radius
-    translational = 0.5 * MASS * v[-1, 0] ** 2
-    assert translational == pytest.approx(0.5 * MASS * V**2 / (1.0 + factor / 2.0) ** 2, rel=1e-8)
+    found = rolling(*ROUND[name])
+    assert found.rolls_from < 0.2
+    assert np.abs(found.motion.x[:, 0, 2] - RADIUS).max() <= 1e-9 * RADIUS
+    # from its first sample that sticks on, it never slips again
+    assert 0.0 <= found.began - found.rolls_from <= 1e-3
 
 
-def _belt(step: float) -> tuple[float, float, float]:
-    """Period, smallest and largest position on the belt."""
-    far = 20_000.0
-    spring = Spring(("block", (0.0, 0.0, 2.5)), (-far, 0.0, 2.5), stiffness=1.0)
-    model = block(gravity=(0.0, 0.0, -10_000.0), members=(spring,))
-    ground = Ground(0.5, 0.3, velocity=(3000.0, 0.0, 0.0))
-    motion = dynamics(model, 17.0, step, ground=ground, start=moving(model, 3000.0, 0.0, 0.0))
-    x = motion.x[:, 0, 0]
-    rises = np.flatnonzero((x[:-1] < 1000.0) & (x[1:] >= 1000.0))
-    times = motion.times[rises] + step * (1000.0 - x[rises]) / (x[rises + 1] - x[rises])
-    late = motion.times > times[0]
-    return (times[-1] - times[0]) / (len(times) - 1), float(x[late].min()), float(x[late].max())
+def test_c5_another_slope_starts_at_its_angle_of_friction() -> None:
+    """A steep one: just below tan(angle) = 1.2 it stays for 100 s; just above it slides, all corners.
 
-
-def test_c4_stick_slip_on_a_belt() -> None:
-    """Mass 1 kg, spring 1 N/m, 10 N, friction 0.5 and 0.3, 3 m/s: 6.4405134334 s, x from -0.60555 to 6.60555 m.
-
-    Slip begins at 5 m and is harmonic about 3 m with radius sqrt(2^2 + 3^2) until the mass has the belt's speed again.
-    Catches: one friction for both, stick that ends on kinetic friction, slip that does not end, a ground at rest.
+    Catches: an angle taken for its tangent.
     """
-    radius = 1000.0 * np.sqrt(13.0)
-    period = 2.0 * np.pi - 2.0 * np.arctan2(2.0, 3.0) + 4.0 / 3.0
-    assert period == pytest.approx(6.4405134334, abs=1e-10)
-    errors = []
-    for step in (4e-3, 1e-3):
-        found, low, high = _belt(step)
-        errors.append(
-            max(abs(found - period) / period, abs(low - 3000.0 + radius) / 1e3, abs(high - 3e3 - radius) / 1e3)
-        )
-    assert errors[1] <= 1e-3
-    assert errors[1] <= 0.4 * errors[0]  # events within a step: first order
-
-
-@pytest.mark.parametrize("static", [0.35, 1.2])
-def test_c5_a_block_on_a_slope_starts_at_its_angle_of_friction(static: float) -> None:
-    """Just below tan(angle) = mu_s it stays for 100 s; just above it slides with g (sin - mu_k cos).
-
-    Catches: the kinetic bound at rest, a threshold on velocity that hides a slow start, creep.
-    """
-    kinetic = 0.6 * static
-    for tangent in (static * (1.0 - 1e-7), static * (1.0 + 1e-7)):
-        angle = np.arctan(tangent)
-        model = block(gravity=(0.6 * G * np.sin(angle), 0.8 * G * np.sin(angle), -G * np.cos(angle)))
-        if tangent < static:
-            motion = dynamics(model, 100.0, 1e-2, ground=Ground(static, kinetic), sample_every=1000)
-            assert np.abs(motion.x - motion.x[1]).max() < 1e-9
-            assert np.abs(motion.x[1] - motion.x[0]).max() < 1e-9
-        else:
-            motion = dynamics(model, 0.5, ground=Ground(static, kinetic), settings=EXACT)
-            along = motion.x[-1, 0, :2] @ np.array([0.6, 0.8])
-            expected = 0.5 * G * (np.sin(angle) - kinetic * np.cos(angle)) * 0.5**2
-            assert along == pytest.approx(expected, rel=1e-8)
-            assert (motion.touch[-1] == SLIP).all()
+    below, above = slope(1.2 * (1.0 - 1e-7), 1.2), slope(1.2 * (1.0 + 1e-7), 1.2)
+    assert np.abs(below.x - below.x[0]).max() < 1e-9
+    along = above.x[-1, 0, :2] @ np.array([0.6, 0.8])
+    assert along == pytest.approx(slide_down(1.2 * (1.0 + 1e-7), 1.2), rel=1e-8)
+    assert (above.touch[-1] == SLIP).all()
 
 
 @pytest.mark.parametrize("above", [False, True])

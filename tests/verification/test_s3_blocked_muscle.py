@@ -16,39 +16,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem_biobot.material import ActiveStress, Convention, NeoHooke
+from fem_biobot.material import Convention, NeoHooke
 from fem_biobot.muscle.fibres import junction_direction
-from fem_biobot.solid.model import SolidModel, SolidState, solve
-from tests.helpers import TIGHT, box_mesh, hold_everywhere, unit
+from fem_biobot.verification.solid_states import ANGLES, blocked, virial
+from fem_biobot.verification.solid_states import BLOCK as SIZE
+from fem_biobot.verification.solid_states import PULL as TENSION
+from tests.helpers import unit
 from tests.oracles.free_muscle import incompressible_stretch
 
-SIZE = (1.7, 0.9, 0.6)
-TENSION = 8.3
 STRESSES = [c.value for c in Convention if c is not Convention.active_strain]
 
 
-def _blocked(a0: np.ndarray, law: NeoHooke, convention: str = "nominal", F: np.ndarray | None = None) -> SolidState:
-    """Reactions on one face sum to the face's traction because opposite side faces are meshed alike and cancel."""
-    mesh = box_mesh((3, 2, 2), SIZE)
-    given = hold_everywhere() if F is None else hold_everywhere(lambda X: (F - np.eye(3)) @ X)
-    model = SolidModel(mesh, {"muscle": law}, {"muscle": ActiveStress(TENSION, a0, convention)}, given)
-    return solve(model, settings=TIGHT).last
-
-
-def _virial(state: SolidState) -> np.ndarray:
-    """Sum of reaction times reference position, (3, 3) [uJ]: the volume times the first Piola stress."""
-    return state.internal_force @ state.model.system.space.points.T
-
-
 @pytest.mark.parametrize("convention", STRESSES)
-@pytest.mark.parametrize("theta", np.radians([35.0, 72.0, 118.0]))
+@pytest.mark.parametrize("theta", np.radians(ANGLES))
 def test_blocked_muscle_pulls_with_sin_squared_theta(theta: float, convention: str) -> None:
     """The ends are held by T A sin^2 along x and T A sin cos along y, in opposite senses.
 
     Catches: theta measured from the actuation, degrees for radians, the dyad's second factor dropped.
     """
     area = SIZE[1] * SIZE[2]
-    state = _blocked(junction_direction(theta), NeoHooke(10.0, 0.47), convention)
+    state = blocked(junction_direction(theta), NeoHooke(10.0, 0.47), convention)
     expected = TENSION * area * np.sin(theta) * np.array([np.sin(theta), np.cos(theta), 0.0])
     np.testing.assert_allclose(state.reaction("x1"), expected, rtol=0.0, atol=1e-12 * TENSION * area)
     np.testing.assert_allclose(state.reaction("x0"), -expected, rtol=0.0, atol=1e-12 * TENSION * area)
@@ -62,8 +49,8 @@ def test_the_virial_of_the_reactions_is_the_tension_in_any_direction() -> None:
     """
     a0 = unit(0.3, -0.5, 0.7)
     volume = float(np.prod(SIZE))
-    virial = _virial(_blocked(a0, NeoHooke(10.0, 0.3)))
-    np.testing.assert_allclose(virial, TENSION * volume * np.outer(a0, a0), rtol=0.0, atol=1e-12 * TENSION * volume)
+    found = virial(blocked(a0, NeoHooke(10.0, 0.3)))
+    np.testing.assert_allclose(found, TENSION * volume * np.outer(a0, a0), rtol=0.0, atol=1e-12 * TENSION * volume)
 
 
 @pytest.mark.parametrize("convention", STRESSES)
@@ -81,8 +68,8 @@ def test_held_at_a_stretch_muscle_pulls_by_its_convention(convention: str) -> No
     passive = law.mu * (F - inverse) + law.lmbda * ln_J * inverse
     volume = float(np.prod(SIZE))
     expected = volume * (passive + TENSION * p * np.outer(a / s, a0))
-    virial = _virial(_blocked(a0, law, convention, F))
-    np.testing.assert_allclose(virial, expected, rtol=0.0, atol=1e-11 * TENSION * volume)
+    found = virial(blocked(a0, law, convention, F))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * TENSION * volume)
 
 
 def test_blocked_active_strain_pulls_along_and_pushes_across() -> None:
@@ -94,8 +81,8 @@ def test_blocked_active_strain_pulls_along_and_pushes_across() -> None:
     s = incompressible_stretch(TENSION / law.mu)
     volume, dyad = float(np.prod(SIZE)), np.outer(a0, a0)
     expected = volume * law.mu * ((s - 1.0) * (np.eye(3) - dyad) + (s**-2 - 1.0) * dyad)
-    virial = _virial(_blocked(a0, law, "active_strain"))
-    np.testing.assert_allclose(virial, expected, rtol=0.0, atol=1e-11 * TENSION * volume)
+    found = virial(blocked(a0, law, "active_strain"))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * TENSION * volume)
 
 
 def test_the_blocked_force_does_not_know_the_passive_law() -> None:
@@ -104,5 +91,5 @@ def test_the_blocked_force_does_not_know_the_passive_law() -> None:
     Catches: active stress scaled by a modulus, passive stress at F = I.
     """
     a0 = junction_direction(np.radians(41.0))
-    reactions = [_blocked(a0, law).reaction("x1") for law in (NeoHooke(0.1, 0.1), NeoHooke(100.0, 0.49))]
+    reactions = [blocked(a0, law).reaction("x1") for law in (NeoHooke(0.1, 0.1), NeoHooke(100.0, 0.49))]
     np.testing.assert_allclose(reactions[0], reactions[1], rtol=0.0, atol=1e-12 * TENSION)

@@ -16,15 +16,13 @@ from scipy.optimize import brentq
 
 from fem_biobot.material import LAWS, ActiveStress
 from fem_biobot.solid.model import SolidModel, solve
-from fem_biobot.solid.records import Fix, Symmetry, Traction
+from fem_biobot.solid.records import Symmetry, Traction
+from fem_biobot.verification.solid_states import CLOSE, GENERIC, POISSON, YOUNG, bar, filled, virial
+from fem_biobot.verification.solid_states import PATCH as SIZE
 from tests.helpers import TIGHT, box_mesh, hold_everywhere, unit
 from tests.laws.cases import FIBRE, make_law
 from tests.oracles.laws import ISOTROPIC, PARAMETERS, at_point
 from tests.oracles.layers import two_layers
-
-YOUNG, POISSON = 14.2, 0.42
-SIZE = (1.2, 0.9, 1.5)
-CLOSE = 1e-10
 
 every_law = pytest.mark.parametrize("name", list(LAWS))
 isotropic_laws = pytest.mark.parametrize("name", list(ISOTROPIC))
@@ -45,19 +43,16 @@ def test_a_linear_displacement_of_the_boundary_fills_the_block(name: str, elemen
 
     Catches: slopes mapped with the inverse transposed, weights of another rule, midpoints out of order.
     """
-    F = np.array([[1.21, 0.34, -0.12], [0.08, 0.83, 0.27], [-0.19, 0.05, 1.13]])
+    F = GENERIC
     if name == "blemker":  # not elliptic where fibres are short and sheared at once
         F = 0.5 * (F + np.eye(3))
-    given = hold_everywhere(lambda X: (F - np.eye(3)) @ X)
-    model = SolidModel(box_mesh(2, SIZE), {"muscle": make_law(name, YOUNG, POISSON)}, supports=given, element=element)
-    state = solve(model, settings=TIGHT).last
-    exact = (F - np.eye(3)) @ model.system.space.points
+    state = filled(make_law(name, YOUNG, POISSON), F, element)
+    exact = (F - np.eye(3)) @ state.X
     np.testing.assert_allclose(state.u, exact, rtol=0.0, atol=CLOSE)
     _, P = at_point(name, F, YOUNG, POISSON, FIBRE)
     # P is constant, so reactions times positions sum to its integral
-    virial = state.internal_force @ model.system.space.points.T
     volume = float(np.prod(SIZE))
-    np.testing.assert_allclose(virial, volume * P, rtol=0.0, atol=CLOSE * YOUNG * volume)
+    np.testing.assert_allclose(virial(state), volume * P, rtol=0.0, atol=CLOSE * YOUNG * volume)
 
 
 @isotropic_laws
@@ -70,10 +65,7 @@ def test_a_bar_between_its_ends_obeys_the_scalar_equations(name: str, stretch: f
     """
     across = brentq(lambda t: _principal(name, stretch, t)[1], 0.5, 1.5, xtol=1e-15, rtol=1e-15)
     force = _principal(name, stretch, across)[0] * SIZE[1] * SIZE[2]
-    supports = [Symmetry("x0"), Symmetry("y0"), Symmetry("z0"), Fix("x1", "x", (stretch - 1.0) * SIZE[0])]
-    laws = {"muscle": make_law(name, YOUNG, POISSON)}
-    model = SolidModel(box_mesh(2, SIZE), laws, supports=supports, element=element)
-    state = solve(model, [0.5, 1.0], settings=TIGHT).last
+    state = bar(make_law(name, YOUNG, POISSON), stretch, element)
     expected = np.diag([stretch, across, across])[:, :, None, None]
     np.testing.assert_allclose(state.F, np.broadcast_to(expected, state.F.shape), rtol=0.0, atol=CLOSE)
     scale = YOUNG * SIZE[1] * SIZE[2]
@@ -111,9 +103,7 @@ def test_simple_shear_needs_the_forces_of_the_law(name: str) -> None:
     F = np.eye(3)
     F[0, 1] = g
     _, P = at_point(name, F, YOUNG, POISSON, FIBRE)
-    given = hold_everywhere(lambda X: np.stack([g * X[1], 0 * X[1], 0 * X[1]]))
-    model = SolidModel(box_mesh(2, SIZE), {"muscle": make_law(name, YOUNG, POISSON)}, supports=given)
-    state = solve(model, settings=TIGHT).last
+    state = filled(make_law(name, YOUNG, POISSON), F)
     area = SIZE[0] * SIZE[2]
     # opposite side faces are meshed alike, so their share in the edge nodes cancels
     np.testing.assert_allclose(state.reaction("y1"), P[:, 1] * area, rtol=0.0, atol=CLOSE * YOUNG * area)

@@ -2,7 +2,7 @@
 
 Problem: cube of contracting neo-Hooke whose volume stays, or changes by a pressure over a bulk modulus of 1e4 mu;
     body force, end traction and boundary displacement of a chosen displacement and a chosen pressure.
-Exact answer: those fields; body force by complex steps of hand-written gradients (tests/oracles/manufactured.py).
+Exact answer: those fields; body force by complex steps of hand-written gradients (verification/manufactured.py).
 Measured: L2 norms of the errors of displacement, its gradient and the pressure, on smoothly bent meshes.
 Tolerance: slopes 3, 2 and 2 (Taylor-Hood) within 0.15 (pressure: no slower than 2, by 0.15); finest errors bounded.
 Cannot see: interfaces (the pressure's jump is a test of its own), corners.
@@ -16,43 +16,26 @@ import numpy as np
 import pytest
 import skfem
 
-from fem_biobot.material import ActiveStress
-from fem_biobot.solid.model import SolidModel, solve
-from fem_biobot.solid.records import BodyForce, Traction
-from tests.helpers import FACES, box_mesh, generator, hold_everywhere, slope, unit
+from fem_biobot.verification.manufactured import ManufacturedMixed
+from fem_biobot.verification.solid_fields import FIBRE, INCOMPRESSIBLE, manufactured_state
+from tests.helpers import generator, slope
 from tests.mixed import Split, rest
 from tests.oracles.forms import FormOracle
-from tests.oracles.manufactured import ManufacturedMixed
 
-MU = 3.6
-PULLED = "z1"
-FIBRE = unit(0.6, 0.3, -0.7)
+MU, TENSION = INCOMPRESSIBLE.mu, INCOMPRESSIBLE.tension
 
 
 def _exact(bulk: float) -> ManufacturedMixed:
-    return ManufacturedMixed(MU, bulk, 4.0, FIBRE)
-
-
-def _bend(X: np.ndarray) -> np.ndarray:
-    """Smooth map of the unit cube onto itself that keeps its faces; meshes of all sizes are alike in shape."""
-    bump = np.prod(np.sin(np.pi * X), axis=0)
-    return X + bump * np.array([[0.10], [-0.07], [0.06]])
+    return ManufacturedMixed(MU, bulk, TENSION, FIBRE)
 
 
 @cache
 def _errors(n: int, bulk: float) -> tuple[float, float, float]:
     """Errors of displacement, gradient and pressure."""
-    exact, mesh = _exact(bulk), box_mesh(n, bend=_bend)
-    model = SolidModel(
-        mesh,
-        {"muscle": Split(rest(MU), bulk)},
-        {"muscle": ActiveStress(exact.tension, FIBRE)},
-        hold_everywhere(exact.displacement, [face for face in FACES if face != PULLED]),
-        [BodyForce(exact.body_force), Traction(PULLED, lambda X: exact.stress(X)[:, 2])],
-        element="P2-P1",
-    )
-    state = solve(model).last
-    oracle = FormOracle(mesh.points, mesh.cells, model.system.space.points, degree=6)
+    exact = _exact(bulk)
+    state = manufactured_state(n, "P2-P1", Split(rest(MU), bulk), exact)
+    mesh = state.model.mesh
+    oracle = FormOracle(mesh.points, mesh.cells, state.X, degree=6)
     basis = skfem.Basis(skfem.MeshTet(mesh.points, mesh.cells), skfem.ElementTetP1(), intorder=6)
     assert state.pressure is not None
     assert len(state.pressure) == basis.N == mesh.n_vertices

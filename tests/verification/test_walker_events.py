@@ -1,4 +1,4 @@
-"""C6, damped and quasi-static: the order of stick and slip does not depend on the time step or the mesh.
+"""C6 over longer times and at finer steps: the order of stick and slip, damped and quasi-static.
 
 Problem: the junction bot, well damped, at a quarter of a stroke a second, friction 0.42 at rest and 0.3 in motion.
 Exact answer: the same states of both feet and of all their corners in the same order when the time step is halved or
@@ -15,87 +15,37 @@ Cannot see: any order where damping is light. After a jump from stick to slip th
 
 from __future__ import annotations
 
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from fem_biobot.config import load_design
 from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
-from fem_biobot.rod.walk import walk
+from fem_biobot.verification.walker import (
+    HALVED,
+    MACHINES,
+    NEAR,
+    ORDERED,
+    STROKE,
+    Resolution,
+    contact_states,
+    disagreements,
+    visits,
+)
 
-Array = NDArray[np.float64]
-Visits = list[tuple[float, int]]
-
-NEAR = 3  # steps of the coarser run
-# tensions of the published rod code, and what each machine is
-PUBLISHED = ("muscle.passive_tension = 0.9 kPa", "muscle.active_tension = 2.7 kPa")
-MACHINES = {
-    "preset, submerged": ("ground.immersion = submerged", "numerics.damping_time = 5 ms"),
-    "published tensions, submerged": (*PUBLISHED, "ground.immersion = submerged", "numerics.damping_time = 1 ms"),
-    "published tensions, in air": (*PUBLISHED, "numerics.damping_time = 5 ms"),
-    "preset, submerged, lightly damped": ("ground.immersion = submerged", "numerics.damping_time = 0.1 ms"),
+FINER = {
+    "step": (Resolution(5e-4, 16), Resolution(2.5e-4, 16)),
+    "mesh": (Resolution(5e-4, 8), Resolution(5e-4, 16)),
 }
 
 
-@cache
-def states(machine: str, step: float, elements: int, duration: float) -> tuple[Array, NDArray[np.int64]]:
-    """Times (s,) and states of both feet and all corners (s, 10), at every step."""
-    design = load_design("junction_bot", MACHINES[machine])
-    walked = walk(
-        design, frequency=0.25, duration=duration, step=step, beam_elements=elements, sample_every=1, discard=0
-    )
-    return walked.times, np.hstack([walked.foot_state, walked.motion.touch])
+@pytest.mark.parametrize("machine", ORDERED)
+def test_there_is_an_order_to_keep(machine: str) -> None:
+    """In the stroke compared in the table a foot slips and stops dozens of times, both do in turn, corners lift.
 
-
-def visits(times: Array, state: NDArray[np.int64], shortest: float) -> Visits:
-    """States in order and since when, without visits that are not longer than `shortest` [s]."""
-    begins = np.concatenate([[0], np.flatnonzero(np.diff(state)) + 1])
-    ends = np.append(times[begins[1:]], times[-1])
-    found: Visits = []
-    for i, end in zip(begins, ends, strict=True):
-        if end - times[i] > shortest and not (found and found[-1][1] == state[i]):
-            found.append((float(times[i]), int(state[i])))
-    return found
-
-
-def disagreements(machine: str, coarse: tuple[float, int], fine: tuple[float, int], duration: float) -> list[str]:
-    """What differs in the order of events of two runs, each of a step [s] and a number of elements."""
-    near = NEAR * coarse[0] * (1.0 + 1e-6)
-    runs = [
-        [visits(times, column, near) for column in state.T]
-        for times, state in (states(machine, *run, duration) for run in (coarse, fine))
-    ]
-    found = []
-    for point, (a, b) in enumerate(zip(*runs, strict=True)):
-        if [s for _, s in a] != [s for _, s in b]:
-            found.append(f"point {point}: {len(a)} and {len(b)} visits")
-    if not found:
-        times = [[np.array([t for t, _ in each[1:]]) for each in run] for run in runs]
-        for p in range(len(times[0])):
-            for q in range(p):
-                before, after = (np.subtract.outer(run[p], run[q]) for run in times)
-                changed = int(((np.abs(before) > near) & (before * after <= 0.0)).sum())
-                if changed:
-                    found.append(f"points {p} and {q}: {changed} events change places")
-    return found
-
-
-PAIRS = {"step": ((1e-3, 16), (5e-4, 16)), "mesh": ((1e-3, 8), (1e-3, 16))}
-FINER = {"step": ((5e-4, 16), (2.5e-4, 16)), "mesh": ((5e-4, 8), (5e-4, 16))}
-
-
-@pytest.mark.parametrize("halved", list(PAIRS))
-@pytest.mark.parametrize("machine", list(MACHINES)[:2])
-def test_halving_step_or_mesh_keeps_the_order_of_stick_and_slip(machine: str, halved: str) -> None:
-    """One stroke: the short foot of one machine slips and stops dozens of times, both feet of the other do, in turn.
-
-    Catches: stick and slip decided by a threshold of velocity or by impulses, which the step or the mesh changes.
+    Catches: an order of nothing.
     """
-    assert disagreements(machine, *PAIRS[halved], 4.1) == []
-    times, state = states(machine, 1e-3, 16, 4.1)
+    times, state = contact_states(machine, HALVED["step"][0], STROKE)
     feet = [visits(times, state[:, foot], NEAR * 1e-3) for foot in (0, 1)]
     assert max(map(len, feet)) > 20
     assert all(len(each) > 2 for each in feet)
@@ -104,14 +54,14 @@ def test_halving_step_or_mesh_keeps_the_order_of_stick_and_slip(machine: str, ha
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("halved", list(PAIRS))
+@pytest.mark.parametrize("halved", list(HALVED))
 @pytest.mark.parametrize("machine", list(MACHINES)[:3])
 def test_the_order_of_stick_and_slip_stays_over_strokes_and_at_finer_steps(machine: str, halved: str) -> None:
     """Two strokes, also from 0.5 to 0.25 ms; the machine in air rolls onto its long foot's sole.
 
     Catches: an order that is right at one step by chance, one that is lost after a stroke.
     """
-    assert disagreements(machine, *PAIRS[halved], 8.1) == []
+    assert disagreements(machine, *HALVED[halved], 8.1) == []
     assert disagreements(machine, *FINER[halved], 8.1) == []
 
 
@@ -121,7 +71,7 @@ def test_light_damping_loses_the_order() -> None:
 
     Catches: a comparison that accepts anything.
     """
-    for pair in PAIRS.values():
+    for pair in HALVED.values():
         assert any("point 0" in each for each in disagreements("preset, submerged, lightly damped", *pair, 8.1))
 
 

@@ -176,6 +176,22 @@ app.command("solve")(_solving(False, "Solve for the states of a design: tables, 
 app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estimate, walking, comparison, report."))
 
 
+@app.command("verify")
+def _verify_command(
+    cases: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Cases such as S1, R4 or C3; all if none is given.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the table; by default runs/verification.")
+    ] = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> Job:
+    """Compute known answers: one table of every case, with errors, tolerances and sources; fails if a row does."""
+    return partial(jobs.verify, jobs.VerifyOrder(cases or (), out, quiet, as_json, debug))
+
+
 @app.command("doctor")
 def _doctor_command(as_json: AsJson = False, debug: Debug = False) -> Job:
     """Say which parts work on this machine, what is used instead, and which command brings the rest."""

@@ -223,6 +223,53 @@ def mesh(order: Order) -> int:
     return 0
 
 
+@dataclass(frozen=True)
+class VerifyOrder:
+    """What the options of `verify` say."""
+
+    cases: Sequence[str] = ()
+    out: Path | None = None
+    quiet: bool = False
+    json: bool = False
+    debug: bool = False
+
+
+def verify(order: VerifyOrder) -> int:
+    """Known answers beside ours; 1 if a row fails."""
+    from fem_biobot.progress import reporting, show_tables
+    from fem_biobot.verification import report
+    from fem_biobot.verification.registry import chosen, not_covered
+    from fem_biobot.verification.verify import Count, Outcome, summary, verify
+
+    cases = chosen(order.cases)
+    folder = usable_folder(order.out or Path("runs") / "verification")
+    report.clear(folder)
+    done: list[Outcome] = []
+
+    def keep(outcome: Outcome) -> None:
+        done.append(outcome)
+        report.draw(folder, outcome)
+        report.write(folder, done, complete=len(done) == len(cases))
+
+    try:
+        with _standard_output_free(order.json), reporting(order.quiet) as reporter:
+            verify(cases, reporter=reporter, on_outcome=keep, raising=order.debug)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{folder}: files are whole and hold {len(done)} of {len(cases)} cases") from None
+    count = Count.of(done)
+    if order.json:
+        _print_json(summary(done, not_covered(), complete=True))
+    elif order.quiet:
+        _say(str(folder))
+    else:
+        show_tables([report.terminal_table(done)])
+        missing = report.uncovered_line()
+        _say("", *([missing] if missing else []), count.words(), *report.where_to_look(folder))
+    for line in report.failures(done):
+        print(line, file=sys.stderr)  # noqa: T201
+    return 0 if count.good else 1
+
+
 def list_presets(as_json: bool) -> int:
     """The designs that come with the program, with their key numbers."""
     from fem_biobot.config import load_design, presets

@@ -104,6 +104,7 @@ def test_every_command_of_the_contract_says_what_it_takes(capsys: pytest.Capture
         "solve": ("--out", "--size", "--mesh", "--set", "--quiet", "--json", "--force", "--resume", "--debug"),
         "mesh": ("--out", "--size", "--mesh", "--set", "--quiet", "--json", "--force", "--debug"),
         "presets": ("--json", "--debug"),
+        "verify": ("--out", "--quiet", "--json", "--debug"),
         "doctor": ("--json", "--debug"),
     }.items():
         text = call(capsys, name, "--help").out

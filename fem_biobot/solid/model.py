@@ -264,7 +264,14 @@ def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> 
     if able and (settings.linear == "iterative" or (settings.linear == "auto" and model.n_dofs > MANY)):
         own = system.held
         return TwoLevelSolver(TwoLevel(system.pattern, system.space.nodes, own.turned, own.axes, own.dofs))
+    return direct_solver(model, settings)
+
+
+def direct_solver(model: SolidModel, settings: NewtonSettings | None = None) -> LinearSolver:
+    """A linear solver that factors, however large the model."""
+    system = model.system
     steadying = (system.mixed.compliance_places, system.mixed.steadying) if system.mixed else None
+    settings = settings or NewtonSettings()
     return LinearSolver(system.pattern, settings, steadying=steadying, symmetric=system.symmetric)
 
 
@@ -374,12 +381,12 @@ def buckling(state: SolidState, toward: float | Step) -> Buckling | None:
     changes linearly, as for a slender column, and the better the nearer the equilibrium is to the critical point.
     """
     model = state.model
-    return critical(model.system, linear_solver(model), _equilibrium(model.system, state), as_step(toward))
+    return critical(model.system, direct_solver(model), _equilibrium(model.system, state), as_step(toward))
 
 
-def _lost_stability(system: System, solver: LinearSolver, failure: PathFailedError) -> Buckling | None:
+def _lost_stability(system: System, solver: StepSolver, failure: PathFailedError) -> Buckling | None:
     """Buckling between the last state and the step that failed, if that is why it failed."""
-    if failure.unstable_at is None:
+    if failure.unstable_at is None or not isinstance(solver, LinearSolver):
         return None
     try:
         found = critical(system, solver, failure.last, failure.unstable_at)

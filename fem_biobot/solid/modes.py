@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from fem_biobot.errors import ModelError
 from fem_biobot.solid.linear import NotPositiveDefiniteError, product
 from fem_biobot.solid.mass import mass_matrix
-from fem_biobot.solid.model import SolidState, linear_solver
+from fem_biobot.solid.model import SolidState, direct_solver
 from fem_biobot.solid.newton import LinearSolver
 from fem_biobot.solid.space import Array, Ints
 from fem_biobot.solid.system import System
@@ -150,7 +150,7 @@ def _smooth_square(system: System, K: Array, M: Array, held: Ints) -> float:
 
 def _shifted(state: SolidState, K: Array, M: Array, smooth: float) -> tuple[float, Array, LinearSolver]:
     """A shift below all eigenvalues, ``K - shift M``, and the solver that holds its factor."""
-    solver = linear_solver(state.model)
+    solver = direct_solver(state.model)
     shift = -_SHIFT * abs(smooth)
     for _ in range(_SHIFTS):
         shifted = K - shift * M

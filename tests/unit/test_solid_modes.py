@@ -148,7 +148,7 @@ def test_frequencies_do_not_depend_on_the_factorisation(monkeypatch: pytest.Monk
         usual = modes(state, DENSITIES, 3).frequencies
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("FEM_BIOBOT_FACTORISATION", "superlu")
-            assert module.linear_solver(state.model).name == SuperLU.name
+            assert module.direct_solver(state.model).name == SuperLU.name
             np.testing.assert_allclose(modes(state, DENSITIES, 3).frequencies, usual, rtol=1e-8)
 
 

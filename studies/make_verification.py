@@ -14,7 +14,7 @@ from fem_biobot.verification.registry import chosen
 from fem_biobot.verification.report import failures, markdown
 from fem_biobot.verification.verify import Count, verify
 
-PAGE = Path(__file__).resolve().parent.parent / "VERIFICATION.md"
+PAGE = Path(__file__).resolve().parent / "VERIFICATION.md"
 
 
 def main() -> int:

@@ -181,7 +181,7 @@ CHANGES = {
         "viscosity of fibre members",
         "drag",
     },
-    Oddity.leg_node_contact: {"points of leg", "z guides"},
+    Oddity.leg_node_contact: {"points of leg"},
     Oddity.centred_reaction: {"reaction"},
     Oddity.friction_twice: {"ground"},
     Oddity.absolute_damping: {
@@ -189,7 +189,7 @@ CHANGES = {
         *(f"damping of {kind}" for kind in KINDS),
         *(f"viscosity of {kind} members" for kind in ("ring", "fibre")),
     },
-    Oddity.weightless_muscle: {"buoyancy"},
+    Oddity.floating_muscle: {"buoyancy", "z guides"},
     # a longer slender body is dragged less per length
     Oddity.overlapping_ends: {"elements of ring", "Spherical", "Rigid", "drag"},
 }

@@ -35,9 +35,8 @@ class Oddity(StrEnum):
         The straight fibres have the stiffness of a ring (radius 0.29 mm) with the mass and force of their own radius
         (0.227 mm); the stiffness of their own.
     leg_node_contact
-        A ring meets its pillar at the legs' nodes 3 and 4, whatever its own height, and no vertical force holds it:
-        it stays at the height at which it was drawn. Moment arms 1.7 and 2.27 mm at the long, 1.4 and 1.87 mm at the
-        short pillar; rings are held at their height on the legs, 2.0 and 2.6 mm below the beam's axis.
+        A ring meets its pillar at the legs' nodes 3 and 4, whatever its own height. Moment arms 1.7 and 2.27 mm at the
+        long, 1.4 and 1.87 mm at the short pillar; at the rings' heights as drawn, 2.0 and 2.6 mm below the beam's axis.
     centred_reaction
         The ground's force acts on a leg's last node, without a moment, though the corner that is lower stops it, and
         friction sees that node's velocity; corners bear what touches them.
@@ -49,8 +48,10 @@ class Oddity(StrEnum):
         Drag against rest on every rod, 0.13 g/(mm s) on the skeleton and 0.05 on muscle, on translation and (times
         1 mm^2) on spin, and 10 g mm/s per rate of stretch in muscle; Kelvin-Voigt damping of all rods, and of muscle
         the drag of slender bodies in water.
-    weightless_muscle
-        Gravity acts on the skeleton alone; muscle weighs what it does in water.
+    floating_muscle
+        Gravity acts on the skeleton alone, and no vertical force on the rings: they stay at the height at which they
+        were drawn while the legs move past; muscle weighs what it does in water, and rings are held at their height on
+        the legs.
     overlapping_ends
         The last two elements of a ring lie on its first two and hang free, and where it closes it does not resist
         bending; rings of 22 elements, closed rigidly.
@@ -65,7 +66,7 @@ class Oddity(StrEnum):
     centred_reaction = "centred_reaction"
     friction_twice = "friction_twice"
     absolute_damping = "absolute_damping"
-    weightless_muscle = "weightless_muscle"
+    floating_muscle = "floating_muscle"
     overlapping_ends = "overlapping_ends"
 
 
@@ -127,7 +128,7 @@ class ElasticaWalker:
         Kelvin-Voigt time of all rods and muscle [s], and of the water around muscle [kPa s]; without
         `absolute_damping`.
     water_density
-        Around muscle [kg/mm^3]; without `weightless_muscle`.
+        Around muscle [kg/mm^3]; without `floating_muscle`.
     clearance
         Least distance of a ring's axis from the line through the axes of a pillar's legs [mm].
     static_friction, kinetic_friction

@@ -282,7 +282,7 @@ def _muscle_joints(w: ElasticaWalker) -> list[Joint]:
 
 def _heights(w: ElasticaWalker, rods: dict[str, Rod]) -> list[Guide]:
     """Joints that hold the rings at their height on the nearer leg, where they can touch."""
-    if w.has(Oddity.leg_node_contact):
+    if w.has(Oddity.floating_muscle):
         return []
     joints = []
     for pillar in PILLARS:
@@ -309,7 +309,7 @@ def _touches(w: ElasticaWalker) -> list[Touch]:
 
 def _buoyancy(w: ElasticaWalker, muscle_rods: list[Rod]) -> list[PointLoad]:
     """What water carries of the muscle, node by node: all of its weight, where it has none."""
-    density = w.muscle_density if w.has(Oddity.weightless_muscle) else w.water_density
+    density = w.muscle_density if w.has(Oddity.floating_muscle) else w.water_density
     loads = []
     for rod in muscle_rods:
         spans = np.linalg.norm(np.diff(rod.points, axis=0), axis=1)

@@ -369,8 +369,8 @@ Static above kinetic (0.42 / 0.3): gaits part, and what a coarse step finds need
 
   Reached there: 32 elements below 0.5 % at 0.5, 2 and 4 Hz within the gait, at 1 Hz not shown (1.1 +- 2.9 %). The step
   below or at 1 % at all four (0.1, 1.0, 0.7, 0.8 %). Explicit below 2 % at 1, 2 and 4 Hz forward, and backward with
-  0.1 ms; at 0.5 Hz but for single strokes. At 1 ms a direction is safe from 0.5 to 2 Hz; at 4 Hz use 0.25 ms or adaptive
-  steps, and many starts.
+  0.1 ms; at 0.5 Hz but for single strokes. At 1 ms a direction is safe from 0.5 to 2 Hz; at 4 Hz use 0.25 ms or
+  adaptive steps, and many starts.
 """
 
 # --- what was not looked at -------------------------------------------------------------------------------------------

@@ -14,8 +14,10 @@ from fem_biobot.material.neo_hooke import NeoHooke
 from fem_biobot.material.tension import kernels as tension_kernels
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid import kernels
+from fem_biobot.solid.mixed import kernels as mixed_kernels
 from fem_biobot.solid.model import SolidModel, solve
 from fem_biobot.solid.records import Fix
+from fem_biobot.solid.space import Element
 
 
 class Listener(Protocol):
@@ -26,9 +28,10 @@ class Listener(Protocol):
     def advance(self, done: str = "") -> None: ...
 
 
-def cached() -> bool:
-    """Whether compiled kernels newer than their sources lie on disk."""
-    for module in (kernels, material_kernels, tension_kernels):
+def cached(element: Element | str = Element.P2) -> bool:
+    """Whether compiled kernels newer than their sources lie on disk, those of an element included."""
+    modules = (kernels, material_kernels, tension_kernels, *((mixed_kernels,) if element == Element.P2P1 else ()))
+    for module in modules:
         source = Path(str(module.__file__))
         for kernel in vars(module).values():
             stats: Any = getattr(kernel, "stats", None)
@@ -40,9 +43,9 @@ def cached() -> bool:
     return True
 
 
-def compile_kernels(listener: Listener) -> None:
+def compile_kernels(listener: Listener, element: Element | str = Element.P2) -> None:
     """Load the kernels from numba's cache, or compile them there, by solving one small contracting cube."""
-    fresh = not cached()
+    fresh = not cached(element)
     if fresh:
         listener.stage("compiling the kernels (once on this machine, about 20 s)", 1)
     points = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], dtype=float)
@@ -51,7 +54,9 @@ def compile_kernels(listener: Listener) -> None:
     F0 = np.eye(3)[:, :, None]
     law = NaturalState(NeoHooke(10.0, 0.3), F0)
     supports = [Fix((0.0, 0.0, 0.0)), Fix((1.0, 0.0, 0.0), "yz"), Fix((0.0, 1.0, 0.0), "z")]
-    model = SolidModel(mesh, {"muscle": law}, {"muscle": ActiveStress(0.1, np.array([1.0, 0.0, 0.0]))}, supports)
-    solve(model, [1.0])
+    active = {"muscle": ActiveStress(0.1, np.array([1.0, 0.0, 0.0]))}
+    # the displacement element's kernels are the mixed one's too
+    for kind in dict.fromkeys((Element.P2, Element(element))):
+        solve(SolidModel(mesh, {"muscle": law}, active, supports, element=kind), [1.0])
     if fresh:
         listener.advance("kernels compiled")

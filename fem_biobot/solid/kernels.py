@@ -408,10 +408,3 @@ def add_scaled(z, beta, p):
     """Write ``p = z + beta p``."""
     for i in range(p.shape[0]):
         p[i] = z[i] + beta * p[i]
-
-
-@njit(cache=True, nogil=True)
-def add_to(x, factor, p):
-    """Write ``x += factor p``."""
-    for i in range(x.shape[0]):
-        x[i] += factor * p[i]

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
-from fem_biobot.solid.kernels import add_scaled, add_to, advance, inner_product, symmetric_product
+from fem_biobot.solid.kernels import add_scaled, advance, inner_product, symmetric_product
 from fem_biobot.solid.pattern import Pattern
-from fem_biobot.solid.unsymmetric.kernels import add_skew_product
+from fem_biobot.solid.unsymmetric.kernels import add_skew_product, add_to
 
 Array = NDArray[np.float64]
 

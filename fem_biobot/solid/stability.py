@@ -14,7 +14,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from fem_biobot.errors import ModelError
 from fem_biobot.solid.linear import NotPositiveDefiniteError, product
-from fem_biobot.solid.newton import Equilibrium, LinearSolver, newton_matrix
+from fem_biobot.solid.newton import Equilibrium, StepSolver, newton_matrix
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.space import Array
 from fem_biobot.solid.system import InvertedError, System
@@ -42,7 +42,7 @@ class Buckling:
     mode: Array
 
 
-def critical(system: System, solver: LinearSolver, state: Equilibrium, toward: Step) -> Buckling | None:
+def critical(system: System, solver: StepSolver, state: Equilibrium, toward: Step) -> Buckling | None:
     """Loss of stability on the straight way of factors from a stable equilibrium, or none in that direction.
 
     Raises
@@ -55,7 +55,7 @@ def critical(system: System, solver: LinearSolver, state: Equilibrium, toward: S
         raise ModelError("buckling: found the equilibrium's own step to look towards, expected another one")
     K = newton_matrix(system, state)
     try:
-        solver.factor(K)
+        solver.refuse_unstable(K)
     except NotPositiveDefiniteError:
         raise ModelError("buckling: found an equilibrium that is not stable, expected a stable one") from None
     rate = _matrix_rate(system, solver, state, toward, K)
@@ -83,7 +83,7 @@ def critical(system: System, solver: LinearSolver, state: Equilibrium, toward: S
     return Buckling(Step(load, max(tension, 0.0)), way, mode)
 
 
-def _matrix_rate(system: System, solver: LinearSolver, state: Equilibrium, toward: Step, K: Array) -> Array:
+def _matrix_rate(system: System, solver: StepSolver, state: Equilibrium, toward: Step, K: Array) -> Array:
     """Change of the matrix on the way to a step per way, along the tangent of the path of equilibria."""
     here, held, h = state.step, system.held, _DIFFERENCE
     near = Step(here.load + h * (toward.load - here.load), here.tension + h * (toward.tension - here.tension))

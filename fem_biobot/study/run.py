@@ -140,7 +140,7 @@ class _Job:
         self.reporter.advance(f"{mesh.n_elements} elements, {mesh.n_unknowns} unknowns")
         if missing := pardiso_missing():
             self._note(f"SuperLU factors instead of PARDISO ({missing}); slower on large meshes")
-        self._timed("compile", lambda: compile_kernels(self.reporter))
+        self._timed("compile", lambda: compile_kernels(self.reporter, self.design.mesh.element))
         solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter))
         for note in solver.model.system.notes:
             self._note(note)

@@ -142,3 +142,10 @@ def add_skew_product(starts, columns, data, x, y):
             total += data[p] * x[j]
             y[j] -= data[p] * xi
         y[i] += total
+
+
+@njit(cache=True, nogil=True)
+def add_to(x, factor, p):
+    """Write ``x += factor p``."""
+    for i in range(x.shape[0]):
+        x[i] += factor * p[i]

@@ -21,13 +21,12 @@ from fem_biobot.material.law import Array, Law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.assembly import assemble_system, with_laws
 from fem_biobot.solid.held import place_nodes
-from fem_biobot.solid.multigrid.solver import TwoLevelSolver
-from fem_biobot.solid.multigrid.two_level import TwoLevel
-from fem_biobot.solid.newton import MANY, Counts, Equilibrium, LinearSolver, NewtonSettings, StepSolver, Trial
+from fem_biobot.solid.newton import Counts, Equilibrium, NewtonSettings, StepSolver, Trial
 from fem_biobot.solid.path import PathFailedError, equilibria
 from fem_biobot.solid.records import Load, Step, Support, as_step
+from fem_biobot.solid.solvers import direct_solver, linear_solver
 from fem_biobot.solid.space import Element, Ints, LockingWarning
-from fem_biobot.solid.stability import Buckling, critical
+from fem_biobot.solid.stability import Buckling, critical, lost_stability
 from fem_biobot.solid.system import Points, System
 
 if TYPE_CHECKING:
@@ -254,30 +253,6 @@ class SolidSolution:
         return self.last.at(point)
 
 
-def linear_solver(model: SolidModel, settings: NewtonSettings | None = None) -> StepSolver:
-    """A linear solver that several calls of `solve` can share; `NewtonSettings.linear` says which."""
-    settings, system = settings or NewtonSettings(), model.system
-    able = system.mixed is None and system.space.quadratic and system.symmetric
-    if settings.linear == "iterative" and not able:
-        what = f"element {model.element}" if system.symmetric else "loads or laws without a potential"
-        raise ModelError(f"linear: found 'iterative' with {what}, expected element P2 and a symmetric tangent")
-    if able and (settings.linear == "iterative" or (settings.linear == "auto" and model.n_dofs > MANY)):
-        own = system.held
-        return TwoLevelSolver(TwoLevel(system.pattern, system.space.nodes, own.turned, own.axes, own.dofs))
-    return direct_solver(model, settings)
-
-
-def direct_solver(model: SolidModel, settings: NewtonSettings | None = None) -> LinearSolver:
-    """A linear solver that factors, however large the model."""
-    system = model.system
-    steadying = (system.mixed.compliance_places, system.mixed.steadying) if system.mixed else None
-    settings = settings or NewtonSettings()
-    return LinearSolver(system.pattern, settings, steadying=steadying, symmetric=system.symmetric)
-
-
-# critical points farther than this, in ways to the step that failed, are not why it failed
-_NEAR_CRITICAL = 2.0
-
 StateObserver = Callable[[str, dict[str, float]], None]
 
 
@@ -348,7 +323,7 @@ def solve(
             if on_state:
                 on_state(states[-1])
     except PathFailedError as failure:
-        done, lost = finished(), _lost_stability(system, solver, failure)
+        done, lost = finished(), lost_stability(system, solver, failure.last, failure.unstable_at)
         raise SolveError(
             _advice(failure, lost),
             done,
@@ -382,17 +357,6 @@ def buckling(state: SolidState, toward: float | Step) -> Buckling | None:
     """
     model = state.model
     return critical(model.system, direct_solver(model), _equilibrium(model.system, state), as_step(toward))
-
-
-def _lost_stability(system: System, solver: StepSolver, failure: PathFailedError) -> Buckling | None:
-    """Buckling between the last state and the step that failed, if that is why it failed."""
-    if failure.unstable_at is None or not isinstance(solver, LinearSolver):
-        return None
-    try:
-        found = critical(system, solver, failure.last, failure.unstable_at)
-    except ModelError:
-        return None
-    return found if found is not None and found.way <= _NEAR_CRITICAL else None
 
 
 def _state(model: SolidModel, found: Equilibrium, work: Counts) -> SolidState:

@@ -14,13 +14,15 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from fem_biobot.errors import ModelError
 from fem_biobot.solid.linear import NotPositiveDefiniteError, product
-from fem_biobot.solid.newton import Equilibrium, StepSolver, newton_matrix
+from fem_biobot.solid.newton import Equilibrium, LinearSolver, StepSolver, newton_matrix
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.space import Array
 from fem_biobot.solid.system import InvertedError, System
 
 # step of the difference quotient of the tangent, as a share of the way
 _DIFFERENCE = 1e-4
+# critical points farther than this, in ways to the step that failed, are not why it failed
+_NEAR_CRITICAL = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +83,17 @@ def critical(system: System, solver: StepSolver, state: Equilibrium, toward: Ste
     mode = mode / mode.flat[np.argmax(np.abs(mode))]
     load, tension = (a + way * (b - a) for a, b in ((here.load, toward.load), (here.tension, toward.tension)))
     return Buckling(Step(load, max(tension, 0.0)), way, mode)
+
+
+def lost_stability(system: System, solver: StepSolver, last: Equilibrium, unstable_at: Step | None) -> Buckling | None:
+    """Buckling between the last state of a path and the step that failed, if that is why it failed."""
+    if unstable_at is None or not isinstance(solver, LinearSolver):
+        return None
+    try:
+        found = critical(system, solver, last, unstable_at)
+    except ModelError:
+        return None
+    return found if found is not None and found.way <= _NEAR_CRITICAL else None
 
 
 def _matrix_rate(system: System, solver: StepSolver, state: Equilibrium, toward: Step, K: Array) -> Array:

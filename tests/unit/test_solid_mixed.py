@@ -14,7 +14,8 @@ from fem_biobot.material.natural_state import isochoric_contraction
 from fem_biobot.solid import linear
 from fem_biobot.solid.linear import Pardiso, SuperLU, minimal_residuals, pardiso_missing
 from fem_biobot.solid.model import SolidModel, SolidState, solve
-from fem_biobot.solid.newton import NewtonSettings
+from fem_biobot.solid.newton import Equilibrium, NewtonSettings
+from fem_biobot.solid.path import _predict
 from fem_biobot.solid.records import Fix, Step, Symmetry, Traction
 from fem_biobot.solid.space import LockingWarning
 from fem_biobot.solid.stress import cauchy_stress, node_probe, probe
@@ -188,6 +189,42 @@ def test_a_path_with_the_pressure_carried_takes_few_iterations() -> None:
     assert max(state.newton_iterations for state in found.states) <= 8
     assert found.states[-1].newton_iterations <= 5
     assert found.halvings == 0
+
+
+def test_the_predictor_extrapolates_the_pressures() -> None:
+    """From three states the trial's pressures miss the solution's by less than a tenth of what the last state's do.
+
+    Catches: pressures left at the last state, or at zero, while displacement and stress go ahead.
+    """
+    model = _model()
+    states = solve(model, [0.4, 0.5, 0.6, 0.7], settings=TIGHT).states
+    history = [
+        Equilibrium(s.step, np.ascontiguousarray(s.u.T), np.asarray(s.pressure), s.points, s.internal_force.T, 0.0, 0)
+        for s in states[:3]
+    ]
+    trial = _predict(model.system, history, states[3].step)
+    assert trial.p is not None
+    assert np.linalg.norm(trial.p - states[3].pressure) < 0.1 * np.linalg.norm(states[2].pressure - states[3].pressure)
+
+
+def test_a_change_of_pressure_is_carried_into_the_stress() -> None:
+    """The error of the stress carried along with displacement and pressure falls with the square of the change.
+
+    Catches: the pressure's part left out of what is carried (slope 1).
+    """
+    model = _model()
+    system, draw = model.system, generator(8)
+    X = system.space.points.T
+    u, p = 0.1 * np.sin(2.0 * X[:, ::-1]), draw.normal(size=system.n_pressures)
+    v, change = np.cos(3.0 * X), 5.0 * draw.normal(size=system.n_pressures)
+    points = system.points(system.deformation_gradient(u), 1.0, p)
+    eps = 2.0 ** -np.arange(7, 12)
+    rests = []
+    for e in eps:
+        F = system.deformation_gradient(u + e * v)
+        new = system.points(F, 1.0, p + e * change)
+        rests.append(float(np.linalg.norm(new.S - system.carry(points, F, e * change))))
+    assert slope(list(eps), rests) == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_state_goes_on_where_it_was_and_its_trial_is_the_solution(contracted: SolidState) -> None:

@@ -279,6 +279,24 @@ def test_the_critical_load_of_a_column_is_eulers(element: str, poisson: float) -
         np.testing.assert_allclose(np.abs(found.mode[1]), expected, rtol=0.0, atol=0.02)
 
 
+def test_a_column_shortened_by_its_ends_buckles_as_under_the_load() -> None:
+    """Clamped and guided it takes pi^2 E I / L^2, which here is reached by moving the upper end.
+
+    Catches: prescribed displacements left out of the path's tangent, so that nothing changes along it.
+    """
+    width = 0.5
+    euler = np.pi**2 * YOUNG * width**2 / 12.0 / LENGTH**2
+    critical = euler / (1.0 + euler / (5.0 / 6.0 * YOUNG / 2.0))
+    model = SolidModel(
+        box_mesh((1, 1, 8), (1.0, width, LENGTH), shift=0.0),
+        {"muscle": NeoHooke(YOUNG, 0.0)},
+        supports=[Fix("z0"), Symmetry("x0"), Fix("z1", "z", -critical / YOUNG * LENGTH)],
+    )
+    found = buckling(_rest(model), Step(1.0, 0.0))
+    assert found is not None
+    assert found.step.load == pytest.approx(1.0, abs=0.04)
+
+
 def test_a_path_that_ends_in_buckling_says_where_and_how() -> None:
     """The error carries the critical factor and the mode, and its message the factor.
 

@@ -23,6 +23,21 @@ import typer
 from fem_biobot import jobs
 from fem_biobot.errors import BiobotError
 from fem_biobot.files import file_error
+from fem_biobot.muscle_commands import muscle
+from fem_biobot.options import (
+    AsJson,
+    Debug,
+    DesignName,
+    Force,
+    MeshFile,
+    NoWalk,
+    Out,
+    Quiet,
+    Rename,
+    Resume,
+    Sets,
+    Size,
+)
 
 PROGRAM = "fem-biobot"
 INTERNAL, INPUT, FAILED, INTERRUPTED = 1, 2, 3, 130
@@ -44,30 +59,7 @@ app = typer.Typer(
     help="Finite-element model of muscle-driven hydrogel machines: from one design file to stress and stroke.",
 )
 
-DesignName = Annotated[str, typer.Argument(metavar="DESIGN", help="Name of a preset, or path of a TOML file.")]
-Out = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Folder of the result; by default runs/<design>.")
-]
-Size = Annotated[
-    str | None, typer.Option("--size", metavar="MM", help='Mesh size, such as "0.8 mm"; a bare number is in mm.')
-]
-MeshFile = Annotated[
-    Path | None, typer.Option("--mesh", metavar="FILE.msh", help="A tagged mesh to use instead of generating one.")
-]
-Rename = Annotated[
-    list[str] | None,
-    typer.Option("--rename", metavar="NAME=REGION", help="Region of a volume of the mesh file, such as gel=skeleton."),
-]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar='KEY="VALUE UNIT"', help='Change a key of the design: muscle.theta="80 deg".'),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors and the path of the result.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the summary alone, as JSON; all else on standard error.")]
-Force = Annotated[bool, typer.Option("--force", help="Redo a result that is there, also another design's.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Insist on going on from an unfinished result.")]
-NoWalk = Annotated[bool, typer.Option("--no-walk", help="Leave out the walking.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+app.add_typer(muscle)
 
 
 @app.callback(invoke_without_command=True)

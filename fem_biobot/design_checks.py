@@ -79,6 +79,13 @@ def refuse_without_solid(design: Design, what: str) -> None:
         raise DesignError(f"kind: found walker, rods without a solid, expected a bot, strip or cantilever to {what}")
 
 
+def refuse_without_muscle(design: Design, what: str, *, tissue: bool = True) -> None:
+    """Refuse a machine without a muscle, or with `tissue` one whose muscles are rods without a volume."""
+    if design.muscle is None and (tissue or design.walker is None):
+        expected = "bot or strip" if tissue else "bot, strip or walker"
+        raise DesignError(f"kind: found {design.kind}, expected a {expected} with a muscle to {what}")
+
+
 def _mm(value: float) -> str:
     return format_quantity(value, "mm", digits=12)
 

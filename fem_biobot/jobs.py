@@ -83,8 +83,8 @@ def solve(order: Order, complete: bool) -> int:
             reporter=reporter,
         )
 
-    summary = _worked(order, folder, work)
-    _show(order, summary, folder, lambda: (result_tables(summary, design.kind), remarks(summary, design.kind)))
+    summary = worked(order, folder, work)
+    show(order, summary, folder, lambda: (result_tables(summary, design.kind), remarks(summary, design.kind)))
     return 0
 
 
@@ -93,7 +93,7 @@ def walk(order: Order, walking: WalkOrder) -> int:
     from fem_biobot.config import load_design
 
     design, plan = load_design(order.design, order.sets), walk_plan(order, walking)
-    folder = result_folder(design, order.out or Path("runs") / f"{_safe(design.name)}_walk")
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_walk")
 
     from fem_biobot.results import walk_table
     from fem_biobot.study.walking import walk_design
@@ -101,12 +101,12 @@ def walk(order: Order, walking: WalkOrder) -> int:
     def work(reporter: Reporter) -> dict[str, Any]:
         return walk_design(design, folder, plan, force=order.force, resume=order.resume, reporter=reporter)
 
-    summary = _worked(order, folder, work)
-    _show(order, summary, folder, lambda: ([walk_table(summary["walks"])], []))
+    summary = worked(order, folder, work)
+    show(order, summary, folder, lambda: ([walk_table(summary["walks"])], []))
     return 0
 
 
-def _worked(order: Order, folder: Path, work: Callable[[Reporter], dict[str, Any]]) -> dict[str, Any]:
+def worked(order: Order, folder: Path, work: Callable[[Reporter], dict[str, Any]]) -> dict[str, Any]:
     """Summary of a job that is told of while it runs; its end says where to find what was reached."""
     from fem_biobot.progress import reporting
 
@@ -123,7 +123,7 @@ def _worked(order: Order, folder: Path, work: Callable[[Reporter], dict[str, Any
         raise KeyboardInterrupt(f"{folder}: files are whole, the same command goes on from there") from None
 
 
-def _show(
+def show(
     order: Order,
     summary: Mapping[str, Any],
     folder: Path,
@@ -210,7 +210,7 @@ def mesh(order: Order) -> int:
     file = None
     if order.mesh_file is None or order.out is not None:
         title = design.name if design is not None else order.mesh_file.stem if order.mesh_file is not None else ""
-        file = (order.out or Path()) / f"{_safe(title)}.msh"
+        file = (order.out or Path()) / f"{safe_name(title)}.msh"
         _write_mesh(file, mesh_text(found), order.force)
     summary = {**mesh_summary(found, design), "file": str(file or order.mesh_file), "notes": notes}
     if order.json:
@@ -347,7 +347,7 @@ def region_names(texts: Sequence[str]) -> Mapping[str, str]:
 
 def result_folder(design: Design, out: Path | None) -> Path:
     """Folder of the result, refused at once where it cannot be made or written; nothing is made yet."""
-    return usable_folder(Path("runs") / _safe(design.name) if out is None else out)
+    return usable_folder(Path("runs") / safe_name(design.name) if out is None else out)
 
 
 def usable_folder(folder: Path) -> Path:
@@ -363,7 +363,7 @@ def usable_folder(folder: Path) -> Path:
     return folder
 
 
-def _safe(name: str) -> str:
+def safe_name(name: str) -> str:
     """A design's name as the name of a file."""
     return re.sub(r"[^\w.-]+", "_", name).strip("._")[:100] or "unnamed"
 

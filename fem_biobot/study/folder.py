@@ -87,7 +87,8 @@ class ResultFolder:
                 f"{self.path}: found the result of another design (digest {holds.get('design_digest')}), expected this "
                 f"one's ({self.job['design_digest']}) or an empty folder; give another --out, or --force to redo it"
             )
-        if "walk" in (holds.get("kind"), self.job["kind"]) and holds != self.job:
+        own = [job.get("kind") for job in (holds, self.job) if job.get("kind") not in ("run", "solve")]
+        if own and (holds.get("kind"), holds.get("walk")) != (self.job["kind"], self.job.get("walk")):
             kinds = [f"{job['kind']} ({job['walk']})" if "walk" in job else job["kind"] for job in (holds, self.job)]
             raise FileError(
                 f"{self.path}: found the result of another job, {kinds[0]}, expected {kinds[1]}; "

@@ -28,7 +28,7 @@ HOMES = {
     "vtkmodules": ("view/",),
     "matplotlib": ("view/",),
     "skfem": ("solid/",),
-    "typer": ("cli.py",),
+    "typer": ("cli.py", "options.py", "muscle_commands.py"),
     "rich": ("cli.py", "progress.py"),
 }
 # a part of the package, and the parts that it must not know

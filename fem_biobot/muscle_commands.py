@@ -1,0 +1,44 @@
+"""The commands below `fem-biobot muscle`: the muscle as tissue, one subject a command.
+
+Each gives a job, which runs after the arguments are parsed, as in `cli`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import typer
+
+from fem_biobot import muscle_jobs
+from fem_biobot.jobs import Order
+from fem_biobot.options import AsJson, Debug, DesignName, Force, Out, Quiet, Sets
+
+Job = Callable[[], int]
+
+muscle = typer.Typer(
+    name="muscle",
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="The muscle as tissue: what drives it, and what it is made of.",
+)
+
+
+@muscle.callback(invoke_without_command=True)
+def _group(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        print(context.get_help())  # noqa: T201
+
+
+@muscle.command("drive")
+def _drive_command(
+    design: DesignName,
+    out: Out = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Drive of a design over time: the waveform, its peak, mean and ripple, as table, CSV and plot."""
+    return partial(muscle_jobs.drive, Order(design, out, None, None, (), sets or (), quiet, as_json, force))

@@ -1,0 +1,63 @@
+"""The jobs behind `fem-biobot muscle`: each examines one side of a design's muscle and writes a folder of its own.
+
+As in `jobs`, parts that are slow to import are imported by the job that needs them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fem_biobot.jobs import Order, result_folder, safe_name, show, worked
+
+if TYPE_CHECKING:
+    from fem_biobot.design import Design
+    from fem_biobot.study.finding import Finding
+    from fem_biobot.study.reporter import Reporter
+
+Work = Callable[["Design", Path, "Reporter"], "Finding"]
+
+
+def drive(order: Order) -> int:
+    """The drive of a design over time."""
+    from fem_biobot.study.muscle_drive import drive_finding
+
+    return examined(order, "drive", drive_finding, tissue=False)
+
+
+def examined(order: Order, subject: str, work: Work, *, mesh: str = "none", tissue: bool = True) -> int:
+    """Examine one subject of an order's design and show what was found.
+
+    Parameters
+    ----------
+    order
+        Options of the command.
+    subject
+        Last word of the command; names the default folder too.
+    work
+        Does it: the design, the folder of figures and the reporter in, a `Finding` out.
+    mesh
+        What else tells this result from another of the same design.
+    tissue
+        Whether the subject asks for a muscle with a volume; rods with muscles will do otherwise.
+
+    Raises
+    ------
+    BiobotError
+        A design without a muscle, before anything is written, and as `examine`.
+    """
+    from fem_biobot.config import load_design
+    from fem_biobot.design_checks import refuse_without_muscle
+    from fem_biobot.study.finding import examine, tables_of
+
+    design = load_design(order.design, order.sets)
+    refuse_without_muscle(design, f"examine its {subject}", tissue=tissue)
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_{subject}")
+
+    def job(reporter: Reporter) -> dict[str, Any]:
+        return examine(design, folder, subject, work, mesh=mesh, force=order.force, reporter=reporter)
+
+    summary = worked(order, folder, job)
+    show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    return 0

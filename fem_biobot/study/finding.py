@@ -1,0 +1,147 @@
+"""What an examination of one side of a design found, and the folder it is written to.
+
+A run takes the same findings into its own report. Tables stand in the summary, so that a result that was on disk
+already is shown like a new one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fem_biobot.config import digest, to_toml
+from fem_biobot.design import Design
+from fem_biobot.files import file_error, write_text
+from fem_biobot.study.folder import ResultFolder
+from fem_biobot.study.outputs import figures_folder, write_table
+from fem_biobot.study.reporter import Reporter, Silent
+from fem_biobot.study.versions import versions
+from fem_biobot.tables import Table
+from fem_biobot.view.report import write_report
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Numbers, tables and figures about one subject.
+
+    Attributes
+    ----------
+    numbers
+        For `summary.json`, each with its unit as the suffix of its key.
+    tables
+        For the terminal and the report.
+    series
+        File name without suffix to rows of equal keys, for `tables/*.csv`.
+    figures
+        Files already drawn, with captions.
+    notes
+        What was used instead of what.
+    remarks
+        Lines below the tables.
+    """
+
+    numbers: Mapping[str, Any]
+    tables: Sequence[Table] = ()
+    series: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
+    figures: Sequence[tuple[Path, str]] = ()
+    notes: Sequence[str] = ()
+    remarks: Sequence[str] = ()
+
+
+Work = Callable[[Design, Path, Reporter], Finding]
+
+
+def examine(
+    design: Design,
+    out: Path,
+    subject: str,
+    work: Work,
+    *,
+    mesh: str = "none",
+    force: bool = False,
+    reporter: Reporter | None = None,
+) -> dict[str, Any]:
+    """Examine a design and write the result's folder.
+
+    Parameters
+    ----------
+    design
+        What is examined.
+    out
+        Folder of the result.
+    subject
+        Name of the examination; its numbers stand under it in the summary.
+    work
+        Does it, drawing its figures in the folder it is given.
+    mesh
+        Which mesh, where one is used.
+    force
+        Redo what is there, also another design's result.
+    reporter
+        Told of stages and notes.
+
+    Returns
+    -------
+    dict
+        The summary, as in `summary.json`.
+
+    Raises
+    ------
+    BiobotError
+        Wrong input, or a folder that holds something else.
+    """
+    reporter = reporter or Silent()
+    job = {"kind": f"muscle {subject}", "design_digest": digest(design), "mesh": mesh}
+    folder = ResultFolder(out, job)
+    if force:
+        folder.clear()
+    done = None if force else folder.whole_result()
+    if done is not None:
+        reporter.note(f"{out} holds this design's result already; --force redoes it")
+        return done
+    began = time.perf_counter()
+    folder.open()
+    write_text(out / "design.toml", to_toml(design))
+    finding = work(design, figures_folder(out), reporter)
+    write_series(out, finding)
+    summary = {
+        "complete": True,
+        "job": job,
+        "design_digest": job["design_digest"],
+        "design": design.name,
+        "versions": versions(),
+        "timings_s": {"total": round(time.perf_counter() - began, 3)},
+        subject: dict(finding.numbers),
+        "tables": [{"title": t.title, "header": t.header, "rows": t.rows} for t in finding.tables],
+        "remarks": list(finding.remarks),
+        "notes": list(finding.notes),
+    }
+    write_report(
+        out / "report.html",
+        {k: v for k, v in summary.items() if k not in ("tables", "remarks", "job")},
+        list(finding.figures),
+        [(t.title, t.header, t.rows) for t in finding.tables],
+        [*finding.remarks, *finding.notes],
+        title=f"{design.name}: muscle {subject}",
+    )
+    folder.close(summary)
+    return summary
+
+
+def write_series(folder: Path, finding: Finding) -> None:
+    """Rows of a finding as `tables/*.csv`."""
+    tables = folder / "tables"
+    try:
+        tables.mkdir(exist_ok=True)
+    except OSError as error:
+        raise file_error(error, tables) from None
+    for name, rows in finding.series.items():
+        write_table(tables / f"{name}.csv", rows)
+
+
+def tables_of(summary: Mapping[str, Any]) -> list[Table]:
+    """Tables that a summary of `examine` holds."""
+    return [Table(t["title"], tuple(t["header"]), tuple(map(tuple, t["rows"]))) for t in summary["tables"]]

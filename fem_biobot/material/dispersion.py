@@ -187,13 +187,15 @@ def width_parameter(density: str, spread: float) -> float:
     """
     # b is about 1 / (4 spread^2) for narrow densities
     low, high = (0.5 * spread, _FLAT) if density == "planar" else (1.0 / spread**2 + 1.0, 0.0)
-    if _seen(density, high) <= spread:
+    if picture_spread(density, high) <= spread:
         return high
-    return float(root_scalar(lambda p: _seen(density, p) - spread, bracket=(low, high), xtol=1e-13, rtol=1e-13).root)
+    return float(
+        root_scalar(lambda p: picture_spread(density, p) - spread, bracket=(low, high), xtol=1e-13, rtol=1e-13).root
+    )
 
 
-def _seen(density: str, parameter: float) -> float:
-    """Standard deviation of the angle seen in a picture [rad]."""
+def picture_spread(density: str, parameter: float) -> float:
+    """Standard deviation of the angle seen in a picture [rad], of a density with this `width_parameter`."""
     x, w = _gauss(96)
     width = parameter if density == "planar" else 0.5 / np.sqrt(max(parameter, 1e-12))
     end = min(_HALF_TURN, _REACH * width)

@@ -68,6 +68,7 @@ def check_fit(design: Design) -> None:
     _check_element(design)
     _check_laws(design)
     _check_tension(design)
+    _check_oxygen(design)
     if design.kind == "bot" and design.skeleton is not None and design.muscle is not None:
         _check_skeleton(design, design.skeleton)
         _check_muscle(design, design.skeleton, design.muscle)
@@ -203,6 +204,30 @@ def _check_tension(design: Design) -> None:
     if muscle.convention == "active_strain" and any(extras.values()):
         key = next(name for name, given in extras.items() if given)
         raise DesignError(f"muscle.{key}: found with muscle.convention active_strain, expected it with a tension only")
+
+
+def _check_oxygen(design: Design) -> None:
+    """A threshold that the medium itself misses, a gel without its diffusivity, a viable share stated twice."""
+    muscle = design.muscle
+    oxygen = None if muscle is None else muscle.oxygen
+    if muscle is None or oxygen is None:
+        return
+    if oxygen.threshold >= oxygen.supply:
+        raise DesignError(
+            f"muscle.oxygen.threshold: found {format_quantity(oxygen.threshold, 'mM')}, expected less than "
+            f"muscle.oxygen.supply ({format_quantity(oxygen.supply, 'mM')})"
+        )
+    if (oxygen.gel == "permeable") != (oxygen.gel_diffusivity is not None):
+        raise DesignError(
+            "muscle.oxygen.gel_diffusivity: missing, expected a diffusivity for a permeable gel"
+            if oxygen.gel == "permeable"
+            else 'muscle.oxygen.gel_diffusivity: found with muscle.oxygen.gel "sealed", expected it with "permeable"'
+        )
+    if oxygen.tension != "none" and muscle.gamma != 1.0:
+        raise DesignError(
+            f"muscle.gamma: found {muscle.gamma:g} together with muscle.oxygen, which gives the viable share itself; "
+            'expected 1, or muscle.oxygen.tension "none"'
+        )
 
 
 def _check_skeleton(design: Design, skeleton: Skeleton) -> None:

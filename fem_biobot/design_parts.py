@@ -57,6 +57,12 @@ PositiveTime = Annotated[float, Quantity("s", 0.0, low_open=True)]
 NonNegativeTime = Annotated[float, Quantity("s", 0.0)]
 Fraction = Annotated[float, Quantity("1", 0.0, 1.0)]
 Coefficient = Annotated[float, Quantity("1", 0.0)]
+Concentration = Annotated[float, Quantity("mM", 0.0)]
+PositiveConcentration = Annotated[float, Quantity("mM", 0.0, low_open=True)]
+Consumption = Annotated[float, Quantity("mM/s", 0.0)]
+Diffusivity = Annotated[float, Quantity("mm^2/s", 0.0, low_open=True)]
+OptionalDiffusivity = Annotated[float | None, Quantity("mm^2/s", 0.0, low_open=True)]
+OptionalTransfer = Annotated[float | None, Quantity("mm/s", 0.0, low_open=True)]
 Poisson = Annotated[
     float,
     Quantity("1", 0.0, 0.5),
@@ -87,6 +93,8 @@ Convention = Literal["nominal", "second_piola", "kirchhoff", "cauchy", "active_s
 ForceLength = Literal["none", "blemker_2005", "gordon_1966"]
 SpreadKind = Literal["planar", "planar_von_mises", "solid"]
 Waveform = Literal["abs_sine", "constant"]
+OxygenUse = Literal["field", "section", "none"]
+GelFace = Literal["sealed", "permeable"]
 Immersion = Literal["air", "submerged"]
 Element = Literal["P2", "P2-P1"]
 
@@ -159,6 +167,30 @@ class Skeleton(Record, frozen=True):
     material: Material = Field(description="Hydrogel")
 
 
+class Oxygen(Record, frozen=True):
+    """Supply and use of oxygen, from which the viable share of the tissue follows; sources in `muscle.oxygenation`."""
+
+    tension: OxygenUse = Field(
+        default="field",
+        description="What the viable share does to the tension: field, scales it point by point in the solid and by "
+        "its mean over the section in the rods; section, by that mean in both; none, it is reported only",
+    )
+    supply: PositiveConcentration = Field(default=0.2, description="Oxygen in the medium [mM]")
+    diffusivity: Diffusivity = Field(default=1.7e-3, description="Of oxygen in the tissue [mm^2/s]")
+    consumption: Consumption = Field(default=6.7e-4, description="Largest use of oxygen per tissue volume [mM/s]")
+    half_saturation: PositiveConcentration = Field(
+        default=8e-3, description="Oxygen at which half of the largest use is left [mM]"
+    )
+    threshold: Concentration = Field(default=2e-3, description="Oxygen below which tissue is not viable [mM]")
+    film: OptionalTransfer = Field(
+        default=None, description="Transfer through the medium's boundary film; none for a well-stirred medium [mm/s]"
+    )
+    gel: GelFace = Field(default="sealed", description="Whether oxygen reaches the muscle through the gel")
+    gel_diffusivity: OptionalDiffusivity = Field(
+        default=None, description="Of oxygen in a permeable gel, to be given with it [mm^2/s]"
+    )
+
+
 class Muscle(Record, frozen=True):
     """Muscle tissue, its fibres and its tension."""
 
@@ -200,6 +232,7 @@ class Muscle(Record, frozen=True):
         default=None, description="Stretch of greatest force of that curve, 1 if left out [1]"
     )
     transverse: Fraction = Field(default=0.0, description="Tension across the fibres over that along them [1]")
+    oxygen: Oxygen | None = Field(default=None, description="Oxygen, where it decides on the viable share")
     material: Material = Field(description="Tissue without its tension")
 
 

@@ -11,8 +11,9 @@ from functools import partial
 import typer
 
 from fem_biobot import muscle_jobs
+from fem_biobot.errors import DesignError
 from fem_biobot.jobs import Order
-from fem_biobot.options import AsJson, Debug, DesignName, Force, Out, Quiet, Sets
+from fem_biobot.options import AsJson, Debug, DesignName, Force, MeshFile, Out, Quiet, Sets, Size
 
 Job = Callable[[], int]
 
@@ -42,3 +43,21 @@ def _drive_command(
 ) -> Job:
     """Drive of a design over time: the waveform, its peak, mean and ripple, as table, CSV and plot."""
     return partial(muscle_jobs.drive, Order(design, out, None, None, (), sets or (), quiet, as_json, force))
+
+
+@muscle.command("oxygen")
+def _oxygen_command(
+    design: DesignName,
+    out: Out = None,
+    size: Size = None,
+    mesh: MeshFile = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Oxygen in the tissue: the viable share gamma and where it is lost, and how thick tissue may be."""
+    if size is not None and mesh is not None:
+        raise DesignError("--size: found together with --mesh, expected one of them (a mesh file has its own size)")
+    return partial(muscle_jobs.oxygen, Order(design, out, size, mesh, (), sets or (), quiet, as_json, force))

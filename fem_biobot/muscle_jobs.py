@@ -6,10 +6,11 @@ As in `jobs`, parts that are slow to import are imported by the job that needs t
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fem_biobot.jobs import Order, result_folder, safe_name, show, worked
+from fem_biobot.jobs import Order, mesh_size, result_folder, safe_name, show, worked
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -24,6 +25,25 @@ def drive(order: Order) -> int:
     from fem_biobot.study.muscle_drive import drive_finding
 
     return examined(order, "drive", drive_finding, tissue=False)
+
+
+def oxygen(order: Order) -> int:
+    """Oxygen in the muscle of a design, on its mesh."""
+    from fem_biobot.study.muscle_oxygen import oxygen_finding
+
+    size = mesh_size(order.size)
+
+    def work(design: Design, figures: Path, reporter: Reporter) -> Finding:
+        from fem_biobot.mesh.files import mesh_for, read_mesh
+
+        if order.mesh_file is not None:
+            return oxygen_finding(design, read_mesh(order.mesh_file, None, design=design), figures)
+        mesh, notes = mesh_for(design, size)
+        found = oxygen_finding(design, mesh, figures)
+        return replace(found, notes=[*notes, *found.notes])
+
+    mesh = "generated" if order.mesh_file is None else str(order.mesh_file)
+    return examined(order, "oxygen", work, mesh=mesh if size is None else f"{mesh}, {size:g} mm")
 
 
 def examined(order: Order, subject: str, work: Work, *, mesh: str = "none", tissue: bool = True) -> int:

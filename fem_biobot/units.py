@@ -83,6 +83,27 @@ DIMENSIONS: Mapping[str, Dimension] = {
     ),
     "rad": Dimension("an angle", "90", "deg", {"deg": _PI / 180, "rad": Fraction(1)}),
     "Hz": Dimension("a frequency", "2", "Hz", {"Hz": Fraction(1), "1/s": Fraction(1)}),
+    "mM": Dimension(
+        "a concentration",
+        "0.2",
+        "mM",
+        {"mM": Fraction(1), "uM": Fraction(1, 1000), "mol/m^3": Fraction(1), "M": Fraction(1000)},
+    ),
+    "mM/s": Dimension(
+        "a rate of consumption",
+        "0.01",
+        "mM/s",
+        {"mM/s": Fraction(1), "uM/s": Fraction(1, 1000), "mol/m^3/s": Fraction(1)},
+    ),
+    "mm^2/s": Dimension(
+        "a diffusivity",
+        "1.7e-3",
+        "mm^2/s",
+        {"mm^2/s": Fraction(1), "um^2/s": Fraction(1, 10**6), "cm^2/s": Fraction(100), "m^2/s": Fraction(10**6)},
+    ),
+    "mm/s": Dimension(
+        "a speed", "0.01", "mm/s", {"mm/s": Fraction(1), "um/s": Fraction(1, 1000), "m/s": Fraction(1000)}
+    ),
     "1": Dimension("a number", "0.9", "", {"": Fraction(1), "%": Fraction(1, 100), "percent": Fraction(1, 100)}),
 }
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError
+from fem_biobot.muscle.oxygenation import viable_gamma
 
 # sim_active_force in facts/seed_simulation.csv: what the paper's own simulation applied, by frequency [Hz: mN]
 PAPER_ACTIVE_FORCE = {0.5: 0.5, 1.0: 1.0, 2.0: 1.4}
@@ -35,7 +36,7 @@ def active_force(design: Design) -> float:
     muscle = design.value("muscle")
     if muscle is None:
         raise DesignError(f"muscle: found none (kind {design.kind}), expected one for an active force")
-    return float(muscle.gamma * muscle.active_tension * design.junction_section * math.sin(muscle.theta))
+    return float(viable_gamma(design) * muscle.active_tension * design.junction_section * math.sin(muscle.theta))
 
 
 def amplitude_for_force(design: Design, force: float) -> float:

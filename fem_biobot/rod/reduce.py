@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
+from fem_biobot.muscle.oxygenation import viable_gamma
 from fem_biobot.rod.build import Load
 from fem_biobot.rod.drag.record import Drag
 from fem_biobot.rod.ground import ContactPoints, Ground
@@ -347,7 +348,7 @@ def _muscles(
             m.material.young,
             m.passive_tension,
             m.active_tension,
-            m.gamma,
+            viable_gamma(design),
             m.theta,
             viscosity=m.material.young * design.numerics.damping_time,
             name=name,

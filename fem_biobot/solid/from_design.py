@@ -16,6 +16,7 @@ from fem_biobot.material.laws import law_from
 from fem_biobot.material.natural_state import NaturalState, isochoric_contraction
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.fibres import fibre_field, in_junction
+from fem_biobot.muscle.oxygenation import viable_share
 from fem_biobot.solid.model import SolidModel
 from fem_biobot.solid.records import BodyForce, Fix, Step, Traction
 
@@ -41,7 +42,8 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
             )
         materials[region] = _law(part.material, _fibres(design, mesh) if region == "muscle" else None)
     if design.muscle is not None:
-        active["muscle"] = tension_of(design, fibre_field(design, mesh))
+        share = viable_share(design, mesh)
+        active["muscle"] = tension_of(design, fibre_field(design, mesh), share)
     loads: list[Traction | BodyForce] = []
     if design.kind == "cantilever" and design.skeleton is not None and design.load is not None:
         area = design.skeleton.beam_width * design.skeleton.beam_thickness
@@ -63,13 +65,13 @@ def _fibres(design: Design, mesh: BodyMesh) -> Array:
     return a0
 
 
-def tension_of(design: Design, a0: Array) -> ActiveStress:
-    """Active tension of a design's muscle at full drive along `a0`, (3,) or (3, e) [1]."""
+def tension_of(design: Design, a0: Array, share: float | Array = 1.0) -> ActiveStress:
+    """Active tension of a design's muscle at full drive along `a0`, (3,) or (3, e) [1]; times a viable share, (e,)."""
     muscle = design.muscle
     if muscle is None:
         raise DesignError(f"muscle: found none (kind {design.kind}), expected one for an active tension")
     return ActiveStress(
-        tension_unit(design),
+        tension_unit(design) * share,
         a0,
         muscle.convention,
         force_length(muscle.force_length, muscle.optimal_stretch or 1.0),

@@ -59,6 +59,56 @@ def lines(
         axes.set_xscale("log")
     if "y" in log:
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
+        axes.tick_params(which="minor", labelsize=7)
     _label(axes, x, y)
     _legend(axes)
+    _save(figure, path, title)
+
+
+def cloud(
+    path: str | os.PathLike[str],
+    across: ArrayLike,
+    up: ArrayLike,
+    values: ArrayLike,
+    *,
+    x: str,
+    y: str,
+    value: str,
+    below: float,
+    title: str,
+) -> None:
+    """Values at points of a section, in colour; those below a threshold in red.
+
+    Parameters
+    ----------
+    path
+        PNG file.
+    across, up
+        Places of the points, (k,) each [mm].
+    values
+        At the points, (k,).
+    x, y, value
+        Names of the axes and of the colour bar with their units.
+    below
+        The threshold.
+    title
+        Above the graph.
+
+    Raises
+    ------
+    FileError
+        Rows of different length or not finite; the file cannot be written.
+    """
+    a, b = _pair(path, "section", across, up)
+    _, v = _pair(path, "section", across, values)
+    figure, (axes,) = _figure(1, (6.6, 4.2))
+    shown = axes.scatter(a, b, c=v, s=7, cmap="viridis", vmin=0.0, linewidths=0)
+    low = v < below
+    axes.plot(a[low], b[low], ".", color="#c0392b", markersize=3)
+    axes.set_aspect("equal", adjustable="datalim")
+    bar = figure.colorbar(shown, ax=axes)
+    bar.set_label(value, fontsize=9.5, color=INK)
+    _label(axes, x, y)
     _save(figure, path, title)

@@ -27,7 +27,7 @@ HOMES = {
     "vtk": ("view/",),
     "vtkmodules": ("view/",),
     "matplotlib": ("view/",),
-    "skfem": ("solid/",),
+    "skfem": ("solid/", "muscle/oxygen.py", "muscle/oxygen_depth.py", "muscle/oxygenation.py"),
     "typer": ("cli.py", "options.py", "muscle_commands.py"),
     "rich": ("cli.py", "progress.py"),
 }

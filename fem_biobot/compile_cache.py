@@ -11,8 +11,14 @@ from typing import Any
 
 # Options of kernels that other kernels alone call: without the wrappers for Python and C they compile faster. Those
 # called by address keep the wrapper for C.
-BY_ADDRESS: dict[str, Any] = {"cache": True, "nogil": True, "no_cpython_wrapper": True}
+KERNEL: dict[str, Any] = {"cache": True, "nogil": True}
+BY_ADDRESS: dict[str, Any] = {**KERNEL, "no_cpython_wrapper": True}
 INNER: dict[str, Any] = {**BY_ADDRESS, "no_cfunc_wrapper": True}
+# Small kernels that allocate nothing use what their caller holds, and need not count references to arrays: counting
+# took a third of the time of the rods' dynamics, where tuples of arrays are passed down and rows of arrays are taken.
+# A kernel without either inherits its caller's, so those that allocate say so.
+BORROWS: dict[str, Any] = {"_nrt": False}
+ALLOCATES: dict[str, Any] = {"_nrt": True}
 
 
 def ensure_cache_folder() -> None:

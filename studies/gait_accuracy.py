@@ -5,7 +5,8 @@ Question
 How much do stroke and net advance per stroke at 0.5, 1, 2 and 4 Hz change with the beam's elements, with the time step
 and with the integrator? Which gaits coexist, and which share of slightly different starts finds each?
 
-Run: ``python studies/gait_accuracy.py [--level smoke|full] [--out FOLDER]``; fifteen to thirty minutes at level full.
+Run: ``python studies/gait_accuracy.py [--level smoke|full|long] [--out FOLDER]``; fifteen to thirty minutes at level
+full, an hour at level long: many strokes where strokes are not alike.
 """
 
 from __future__ import annotations
@@ -107,6 +108,13 @@ LEVELS = {
         },
         1.0 / 320_000,
         4,
+    ),
+    "long": Level(
+        (Variant(BASE, 16, 2.5e-4), Variant(FINE_MESH, 32, 2.5e-4)),
+        (0.5, 1.0),
+        {PUBLISHED: {0.5: Plan(1, 12, 6), 1.0: Plan(16, 106, 6)}},
+        1.0 / 320_000,
+        60,
     ),
 }
 
@@ -292,7 +300,7 @@ def _with(action: Any) -> Any:
 # largest changes of the advance and of the stroke, per cent, with equal coefficients from 1 Hz on; at 0.5 Hz the bot
 # hardly advances, and the change of the advance is taken of the stroke.
 LIMITS = {FINE_MESH: (0.5, 0.5), HALF: (1.0, 0.5), ADAPTED: (1.0, 0.5)}
-WITNESS_LIMIT = {"smoke": 5.0, "full": 2.0}
+WITNESS_LIMIT = {"smoke": 5.0, "full": 2.0, "long": 2.0}
 # asked for are 1e-9 of the largest impulse, beyond which rounding is allowed: of momenta, where short steps leave
 # impulses small
 RESIDUAL = 1e-8

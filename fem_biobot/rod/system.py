@@ -50,7 +50,8 @@ def system(assembly: Assembly) -> System:
     joints = [(int(a), int(b), n + j) for j, (a, b) in enumerate(assembly.constraints.nodes)]
     pairs = [(int(a), int(b)) for a, b in [*assembly.elements.nodes, *assembly.members.nodes] if a >= 0 and b >= 0]
     pairs += [(end, j) for a, b, j in joints for end in (a, b) if end >= 0]
-    made, place, count = plan(n + len(joints), pairs, [j for *_, j in joints])
+    touching, number = _touching(assembly)
+    made, place, count = plan(n + len(joints), pairs, [j for *_, j in joints], touching.tolist())
 
     def slot(i: int, j: int) -> int:
         return place[i, j] if i >= 0 and j >= 0 else -1
@@ -60,7 +61,6 @@ def system(assembly: Assembly) -> System:
         return np.array(rows, dtype=np.int64).reshape(len(nodes), 4)
 
     rows = [[slot(a, j), slot(j, a), slot(b, j), slot(j, b), slot(j, j)] for a, b, j in joints]
-    touching, number = _touching(assembly)
     return System(
         made,
         count,

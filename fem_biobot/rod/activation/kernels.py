@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def factor(activation, q, x):
     """Value and slope of the curve `q` at `x`; its end values outside its limits, and 1 without a curve (-1)."""
     if q < 0:
@@ -33,7 +33,7 @@ def factor(activation, q, x):
     return a + t * (c + t * (p + t * s)), (c + t * (2.0 * p + 3.0 * t * s)) / activation.spacing[q]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def active_tension(activation, k, rest, before, after, weight, rate, pull):
     """Active force of a member, and its slopes by length and by rate of length.
 

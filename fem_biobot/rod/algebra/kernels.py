@@ -5,38 +5,38 @@ A vector is a tuple of 3, a matrix a tuple of 9 by rows. Every function returns 
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def dot(a, b):
     """Inner product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def cross(a, b):
     """Vector product ``a x b``."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def combine(s, a, t, b):
     """Vector ``s a + t b``."""
     return (s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def skew(a):
     """Matrix ``[a]x`` with ``[a]x b = a x b``."""
     return (0.0, -a[2], a[1], a[2], 0.0, -a[0], -a[1], a[0], 0.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def apply(A, b):
     """Vector ``A b``."""
     return (
@@ -46,13 +46,13 @@ def apply(A, b):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def transpose(A):
     """Matrix ``A^T``."""
     return (A[0], A[3], A[6], A[1], A[4], A[7], A[2], A[5], A[8])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add(A, s, B):
     """Matrix ``A + s B``."""
     return (
@@ -68,7 +68,7 @@ def add(A, s, B):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add_outer(A, s, a, b):
     """Matrix ``A + s a b^T``."""
     x, y, z = s * a[0], s * a[1], s * a[2]
@@ -85,19 +85,19 @@ def add_outer(A, s, a, b):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def multiple(s):
     """Matrix ``s I``."""
     return (s, 0.0, 0.0, 0.0, s, 0.0, 0.0, 0.0, s)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def scaled(s, A):
     """Matrix ``s A``."""
     return (s * A[0], s * A[1], s * A[2], s * A[3], s * A[4], s * A[5], s * A[6], s * A[7], s * A[8])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def product(A, B):
     """Matrix ``A B``."""
     return (
@@ -113,13 +113,13 @@ def product(A, B):
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def row_of(a, i):
     """Row `i` of an array (n, 3) as a vector."""
     return (a[i, 0], a[i, 1], a[i, 2])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def matrix_of(a, i):
     """Entry `i` of an array (n, 3, 3) as a matrix."""
     return (

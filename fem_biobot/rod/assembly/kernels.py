@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import ALLOCATES, BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -24,14 +24,14 @@ from fem_biobot.rod.parts.kernels import (  # noqa: E402
 )
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def measure(assembly, x, Q, strain, lengths):
     """Write element strains (m, 6) and member lengths (k,); returns the largest turn within an element [rad]."""
     member_lengths(assembly.members, x, Q, lengths)
     return strains(assembly.elements, x, Q, strain)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def resultants(assembly, before, after, weight, rate, s):
     """Write ``s = C (weight after + (1 - weight) before - natural + rate tau (after - before))``, (m, 6).
 
@@ -46,7 +46,7 @@ def resultants(assembly, before, after, weight, rate, s):
             s[e, i] = E.stiffness[e, i] * (mean - natural + lag * (after[e, i] - before[e, i]))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def tensions(members, activation, before, after, weight, rate, pull, tension, active, slopes):
     """Write the tensile force of each member (k,): `weight` and `rate` as in `resultants`, `pull` what drive adds.
 
@@ -64,7 +64,7 @@ def tensions(members, activation, before, after, weight, rate, pull, tension, ac
         tension[k] = active[k] + old + weight * (new - old) + viscous
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add_all_forces(assembly, x, Q, s, tension, load_factor, gravity_factor, force):
     """Add to `force` (n, 6) every force but those of joints and ground: what accelerates the nodes."""
     for i in range(force.shape[0]):
@@ -79,7 +79,7 @@ def add_all_forces(assembly, x, Q, s, tension, load_factor, gravity_factor, forc
     add_gravity(assembly.inertia, assembly.gravity, gravity_factor, force)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _add_pair(K, slots, a, b, held, scale, blocks):
     """Add a (12, 12) matrix to the four blocks of a pair of nodes; held nodes and the world take nothing."""
     for p in range(4):
@@ -95,7 +95,7 @@ def _add_pair(K, slots, a, b, held, scale, blocks):
                 B[r, c] += scale * K[first + r, left + c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def add_stiffness(assembly, system, x, Q, s, gain, tension, slopes, lengths, weight, rate, load_factor, scale, blocks):
     """Add `scale` times minus the derivative of `add_all_forces` by the nodes' increments to `blocks`.
 
@@ -130,7 +130,7 @@ def add_stiffness(assembly, system, x, Q, s, gain, tension, slopes, lengths, wei
                     B[r, c] += scale * small[r, c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def joint_gaps(constraints, held, x, Q, v, gap, rate):
     """Write the residuals of the joints and their rates for `v` (n, 6), (j, 6); held nodes do not move."""
     rows = np.empty((6, 12))
@@ -146,7 +146,7 @@ def joint_gaps(constraints, held, x, Q, v, gap, rate):
                         rate[j, r] += rows[r, 6 * end + c] * v[i, c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def add_joint_forces(constraints, held, x, Q, multiplier, force):
     """Add to `force` (n, 6) what the joints exert: `multiplier` (j, 6) on first parts, the opposite on second ones."""
     gap = np.empty(6)
@@ -161,7 +161,7 @@ def add_joint_forces(constraints, held, x, Q, multiplier, force):
                         force[i, c] += multiplier[j, r] * rows[r, 6 * end + c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def joint_blocks(constraints, held, slots, x, Q, soft, blocks):
     """Write the joints' rows and columns to `blocks`, at `slots` (j, 5); rows that do not hold get a unit diagonal.
 
@@ -184,7 +184,7 @@ def joint_blocks(constraints, held, slots, x, Q, soft, blocks):
             blocks[slots[j, 4], r, r] = soft * constraints.soft[j, r] if constraints.rows[j, r] == 1 else 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def energies(assembly, x, strain, lengths):
     """Elastic energy of rods and members, and potential energy of weight [uJ]."""
     elastic = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import ALLOCATES, BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -13,7 +13,7 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 _AT_ONCE = 4  # nodes whose columns are solved together
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def invert(A):
     """Replace a 6 by 6 matrix by its inverse (Gauss-Jordan, rows pivoted); False if it is singular."""
     pivots = np.empty(6, dtype=np.int64)
@@ -46,7 +46,7 @@ def invert(A):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def factor(plan, blocks):
     """Factorise `blocks` (t, 6, 6) in place: inverted diagonal blocks, ``L`` below, ``U`` above; False if singular."""
     product = np.empty((6, 6))
@@ -79,7 +79,7 @@ def factor(plan, blocks):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def solve(plan, blocks, b):
     """Replace `b` (n, 6) by the solution of the factorised system."""
     y = np.empty(6)
@@ -114,19 +114,24 @@ def solve(plan, blocks, b):
             b[k, r] = y[r]
 
 
-@njit(cache=True, nogil=True)
-def _solve_lanes(plan, blocks, b, y):
+@njit(**KERNEL, **BORROWS)
+def _solve_lanes(plan, blocks, b, y, reached):
     """As `solve` for several right sides at once, `b` (n, 6, w); `y` (6, w) is scratch.
 
-    Each block is read once for all of them, and the innermost loop runs along them.
+    Each block is read once for all of them, and the innermost loop runs along them. `reached` (n,) marks unknowns whose
+    right side is not zero; others are marked where it ceases to be. Where none of these is, nothing is solved: rows
+    that are not marked in the end keep their zeros, which are not the solution there.
     """
     n = plan.order.shape[0]
     w = b.shape[2]
     for s in range(n):
         k = plan.order[s]
+        if not reached[k]:
+            continue
         for t in range(plan.start[s], plan.start[s + 1]):
             L = blocks[plan.lower[t]]
             i = plan.neighbour[t]
+            reached[i] = True
             for r in range(6):
                 for c in range(6):
                     value = L[r, c]
@@ -134,6 +139,8 @@ def _solve_lanes(plan, blocks, b, y):
                         b[i, r, j] -= value * b[k, c, j]
     for s in range(n - 1, -1, -1):
         k = plan.order[s]
+        if not reached[k]:
+            continue
         for t in range(plan.start[s], plan.start[s + 1]):
             U = blocks[plan.upper[t]]
             i = plan.neighbour[t]
@@ -155,20 +162,25 @@ def _solve_lanes(plan, blocks, b, y):
                 b[k, r, j] = y[r, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def compliance(plan, blocks, nodes, out):
     """Write the factorised system's solutions at `nodes` (f,) for units there, a row for each unit, (6 f, 6 f)."""
     count = nodes.shape[0]
     most = max(1, min(count, _AT_ONCE))
     b = np.empty((plan.order.shape[0], 6, 6 * most))
     y = np.empty((6, 6 * most))
+    reached = np.empty(plan.order.shape[0], dtype=np.bool_)
     for first in range(0, count, most):
         here = min(most, count - first)
         b[:] = 0.0
+        # solutions at these nodes depend on what is eliminated after them alone, and so do those they cause
+        reached[:] = False
+        for f in range(count):
+            reached[nodes[f]] = True
         for f in range(here):
             for c in range(6):
                 b[nodes[first + f], c, 6 * f + c] = 1.0
-        _solve_lanes(plan, blocks, b, y)
+        _solve_lanes(plan, blocks, b, y, reached)
         for j in range(6 * here):
             for other in range(count):
                 for r in range(6):

@@ -40,7 +40,9 @@ class Plan(NamedTuple):
     update: Ints
 
 
-def plan(n_unknowns: int, pairs: Iterable[tuple[int, int]], last: Iterable[int] = ()) -> tuple[Plan, dict, int]:
+def plan(
+    n_unknowns: int, pairs: Iterable[tuple[int, int]], last: Iterable[int] = (), kept: Iterable[int] = ()
+) -> tuple[Plan, dict, int]:
     """Plan for blocks at the given pairs of unknowns, those that elimination fills in included.
 
     Parameters
@@ -52,13 +54,15 @@ def plan(n_unknowns: int, pairs: Iterable[tuple[int, int]], last: Iterable[int] 
     last
         Unknowns that may be eliminated only after all their neighbours outside `last` (multipliers, whose own block
         is zero until then).
+    kept
+        Unknowns that wait as long as others can be eliminated: what is solved for units at these alone then ends soon.
 
     Returns
     -------
     Plan, dict, int
         The plan, where the block of each (row, column) lies, and the number of blocks.
     """
-    late = set(last)
+    late, wait = set(last), set(kept)
     near: list[set[int]] = [set() for _ in range(n_unknowns)]
     for i, j in pairs:
         if i != j:
@@ -72,17 +76,17 @@ def plan(n_unknowns: int, pairs: Iterable[tuple[int, int]], last: Iterable[int] 
         return place.setdefault((i, j), len(place))
 
     # unknowns that may be eliminated, by the number of their neighbours when they came; outdated entries are skipped
-    queue: list[tuple[int, int]] = []
+    queue: list[tuple[bool, int, int]] = []
 
     def offer(i: int) -> None:
         if i not in late or not (near[i] - late):
-            heappush(queue, (len(near[i]), i))
+            heappush(queue, (i in wait, len(near[i]), i))
 
     for i in range(n_unknowns):
         offer(i)
     while left:
         # fewest neighbours first keeps the fill-in of chains and trees at nothing; ties by number, so plans repeat
-        size, k = heappop(queue)
+        _, size, k = heappop(queue)
         if k not in left or size != len(near[k]):
             continue
         left.remove(k)

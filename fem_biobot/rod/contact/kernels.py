@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -64,7 +64,13 @@ _STAGE_TOLERANCE = 1e-6
 _STAGE_ITERATIONS = 60
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
+def _take(n, values, to):
+    for i in range(n):
+        to[i] = values[i]
+
+
+@njit(**KERNEL, **BORROWS)
 def _newton_step(c, V, proximal, residual, shorten, S):
     """One Newton step on `S`; halved while the residual grows if `shorten`. Returns residual and size of the system."""
     n = 3 * c
@@ -72,23 +78,26 @@ def _newton_step(c, V, proximal, residual, shorten, S):
     if not factor(S.J, size, S.exchanged):
         return np.inf, size
     substitute(S.J, size, S.exchanged, S.step)
-    S.last[:n] = S.p[:n]
+    _take(n, S.p, S.last)
     take_step(c, size, S)
     found = natural_map(c, V, S)
     if shorten and not found <= residual:
-        S.step[:n] = S.p[:n] - S.last[:n]
+        for i in range(n):
+            S.step[i] = S.p[i] - S.last[i]
         part = 0.5
         while not found <= residual and part > _SHORTEST_STEP:
-            S.p[:n] = S.last[:n] + part * S.step[:n]
+            for i in range(n):
+                S.p[i] = S.last[i] + part * S.step[i]
             found = natural_map(c, V, S)
             part *= 0.5
         if not found <= residual:  # the whole step may lead out of a corner
-            S.p[:n] = S.last[:n] + S.step[:n]
+            for i in range(n):
+                S.p[i] = S.last[i] + S.step[i]
             found = natural_map(c, V, S)
     return found, size
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _refine(c, size, V, most, residual, S):
     """Repeat the last Newton step from `p` with its factors while that helps; `best` holds the answer.
 
@@ -96,7 +105,7 @@ def _refine(c, size, V, most, residual, S):
     """
     n = 3 * c
     floor = rounding_floor(c, V, S)
-    S.best[:n] = S.p[:n]
+    _take(n, S.p, S.best)
     for _ in range(most):
         if residual <= floor:
             break
@@ -108,12 +117,12 @@ def _refine(c, size, V, most, residual, S):
         refined = natural_map(c, V, S)
         if not refined < residual:
             break
-        S.best[:n] = S.p[:n]
+        _take(n, S.p, S.best)
         residual = refined
     return residual, residual <= floor
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _search(c, V, S, proximal_least, tolerance, max_iterations):
     """Newton and Gauss-Seidel from `p`, answer in `best`. Returns residual, iterations, size of the last system."""
     n = 3 * c
@@ -123,8 +132,8 @@ def _search(c, V, S, proximal_least, tolerance, max_iterations):
     sweeps = _FIRST_SWEEPS
     residual = natural_map(c, V, S)
     best = residual
-    S.best[:n] = S.p[:n]
-    S.chain[:n] = S.p[:n]
+    _take(n, S.p, S.best)
+    _take(n, S.p, S.chain)
     while iterations < max_iterations:
         proximal = max(proximal_least, _PROXIMAL[turn % _PROXIMAL.size])
         for _ in range(min(_BURST * (1 + turn), _LONGEST_BURST)):
@@ -135,12 +144,12 @@ def _search(c, V, S, proximal_least, tolerance, max_iterations):
             residual, size = _newton_step(c, V, proximal, residual, turn > 0, S)
             if residual < best:
                 best = residual
-                S.best[:n] = S.p[:n]
+                _take(n, S.p, S.best)
                 if best <= tolerance:
                     best, done = _refine(c, size, V, _REFINEMENTS, best, S)
                     if done or proximal == proximal_least:
                         return best, iterations, size
-                    S.p[:n] = S.best[:n]
+                    _take(n, S.best, S.p)
                     residual = natural_map(c, V, S)
                     proximal = proximal_least
             if good:
@@ -150,25 +159,26 @@ def _search(c, V, S, proximal_least, tolerance, max_iterations):
         turn += 1
         # the best point first; later in turns with where the sweeps had come, or a bad best point would be kept for
         # ever
-        S.p[:n] = S.best[:n] if turn <= _ROUNDS_FROM_BEST or turn % 2 == 0 else S.chain[:n]
+        from_best = turn <= _ROUNDS_FROM_BEST or turn % 2 == 0
+        _take(n, S.best if from_best else S.chain, S.p)
         for _ in range(min(sweeps, max_iterations - iterations)):
             sweep(c, S)
             iterations += 1
         sweeps = min(2 * sweeps, _MOST_SWEEPS)
-        S.chain[:n] = S.p[:n]
+        _take(n, S.p, S.chain)
         residual = natural_map(c, V, S)
         if residual < best:
             best = residual
-            S.best[:n] = S.p[:n]
+            _take(n, S.p, S.best)
     return best, iterations, size
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _iterate(c, V, S, tolerance, max_iterations):
     """Solve the scaled problem: from the given impulses, else from softer and softer corners. Answer in `best`."""
     n = 3 * c
     residual = natural_map(c, V, S)
-    S.best[:n] = S.p[:n]
+    _take(n, S.p, S.best)
     if residual <= tolerance and residual <= rounding_floor(c, V, S):
         return residual, 0
     residual, iterations, size = _search(c, V, S, _NEAR, tolerance, min(_BURST, max_iterations))
@@ -176,9 +186,10 @@ def _iterate(c, V, S, tolerance, max_iterations):
         return residual, iterations
     for i in range(n):
         S.diagonal[i] = S.W[i, i]
-    S.best[:n] = 0.0
+    for i in range(n):
+        S.best[i] = 0.0
     for stage in range(_SOFTNESS.size):
-        S.p[:n] = S.best[:n]
+        _take(n, S.best, S.p)
         for i in range(n):
             S.W[i, i] = S.diagonal[i] + _SOFTNESS[stage]
         wanted = tolerance if stage == _SOFTNESS.size - 1 else _STAGE_TOLERANCE
@@ -187,16 +198,16 @@ def _iterate(c, V, S, tolerance, max_iterations):
         iterations += more
     for i in range(n):
         S.W[i, i] = S.diagonal[i]
-    S.p[:n] = S.best[:n]
+    _take(n, S.best, S.p)
     residual, done = _refine(c, size, V, _MOST_REFINEMENTS, natural_map(c, V, S), S)
     if not done and iterations < max_iterations:
-        S.p[:n] = S.best[:n]
+        _take(n, S.best, S.p)
         residual, more, _ = _search(c, V, S, _LEAST_PROXIMAL, tolerance, max_iterations - iterations)
         iterations += more
     return residual, iterations
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def solve_cones(W, b, mu, p, w, scratch, tolerance, max_iterations):
     """Impulses and velocities of c frictional contact points.
 
@@ -260,13 +271,13 @@ def solve_cones(W, b, mu, p, w, scratch, tolerance, max_iterations):
     return residual, iterations
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _slips(w, i, threshold):
     """Whether point i touches and moves along the ground."""
     return w[i, 0] <= threshold and w[i, 1] * w[i, 1] + w[i, 2] * w[i, 2] > threshold * threshold
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def solve_friction(W, b, mu_static, mu_kinetic, state, slip, p, w, scratch, tolerance, max_iterations):
     """Impulses and velocities with static friction where points stick and kinetic friction where they slip.
 
@@ -336,7 +347,7 @@ def solve_friction(W, b, mu_static, mu_kinetic, state, slip, p, w, scratch, tole
     return residual, iterations
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def settle(b, w, state, slip, tolerance):
     """Write `state` and `slip` at the end of a step that was accepted; `b`, `w`, `tolerance` as in `solve_friction`.
 

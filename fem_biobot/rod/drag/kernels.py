@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -21,7 +21,7 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 from fem_biobot.rod.algebra.kernels import apply, combine, cross, dot, matrix_of, row_of, transpose  # noqa: E402
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _lump(drags, k, Q, v):
     """Arm and axis of a lump, its relative velocity along and across that, its node's angular velocity, and force."""
     i = drags.node[k]
@@ -36,7 +36,7 @@ def _lump(drags, k, Q, v):
     return r, t, along, n, w, combine(-drags.along[k] * along, t, -gain, n)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add_drag(drags, Q, v, force):
     """Add the drag at velocities `v` (n, 6) to `force` (n, 6); returns the largest component of a lump's force."""
     largest = 0.0
@@ -53,7 +53,7 @@ def add_drag(drags, Q, v, force):
     return largest
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def drag_tangent(drags, k, Q, v, by_velocity, by_turn, out):
     """Add minus the derivatives of a lump's force on its node to `out` (6, 6).
 
@@ -97,7 +97,7 @@ def drag_tangent(drags, k, Q, v, by_velocity, by_turn, out):
             out[3 + a, column] -= scale * dm[a]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add_drag_tangents(drags, held, diagonal, Q, v, by_velocity, by_turn, blocks):
     """Add the lumps' tangents to the nodes' blocks; held nodes take nothing."""
     for k in range(drags.node.shape[0]):

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import BY_ADDRESS, INNER, ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, BY_ADDRESS, INNER, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -63,7 +63,7 @@ _ROUNDING = 16.0 * 2.0**-52  # of momenta, and of forces by that of strains
 _STALE = 4  # iterations after which old factors are renewed
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _configure(x, Q, v0, h, theta, work):
     """Positions and directors at theta and at the end of the step for the velocities `work.v1`."""
     v1, vm, angle, xm, x1 = work.v1, work.vm, work.angle, work.xm, work.x1
@@ -81,7 +81,7 @@ def _configure(x, Q, v0, h, theta, work):
     turn(Q, angle, work.Q1)
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, work):
     """Write the unbalanced impulse ``h f + J^T lambda - M dv`` (n, 6), joint and contact data.
 
@@ -145,7 +145,7 @@ def _residual(assembly, system, state, plane, h, theta, pull, load_factor, arm, 
     return scale, _ROUNDING * (momentum + stiffest)
 
 
-@njit(**BY_ADDRESS)
+@njit(**BY_ADDRESS, **BORROWS)
 def factorise(assembly, system, h, theta, load_factor, work):
     """Fill and factorise the tangent at the present iterate; also the compliance of the nodes that touch."""
     inertia = assembly.inertia
@@ -187,7 +187,7 @@ def factorise(assembly, system, h, theta, load_factor, work):
     return True
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _unbalance(held, arm, rhs, column):
     """Largest entry of the impulses left, with those of the ground; moments over the length `arm`."""
     worst = 0.0
@@ -200,7 +200,7 @@ def _unbalance(held, arm, rhs, column):
     return worst
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _joint_gaps(joints, theta, h, n, work):
     """Write the right sides of the joints, whose gaps close within `h`; returns the largest gap [mm, rad]."""
     worst = 0.0
@@ -214,7 +214,7 @@ def _joint_gaps(joints, theta, h, n, work):
     return worst
 
 
-@njit(**BY_ADDRESS)
+@njit(**BY_ADDRESS, **BORROWS)
 def try_step(
     assembly, system, state, plane, h, theta, closing, pull, load_factor, arm, tolerance, most, fresh, calls, work,
     scratch,

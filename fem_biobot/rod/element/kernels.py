@@ -23,7 +23,7 @@ import math
 import numpy as np
 from scipy.special import zeta
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -56,7 +56,7 @@ _ODD = zeta(_POWER, 1.5) / (2.0 * math.pi) ** _POWER  # sum over k = 3, 5, ... o
 _EVEN = zeta(_POWER, 2.0) / (2.0 * math.pi) ** _POWER  # sum over k = 4, 6, ...
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _series(z, pole, coefficients):
     """Value and two derivatives of ``1/(pole - z) + sum coefficients[j] z^j``."""
     f0 = f1 = f2 = 0.0
@@ -68,7 +68,7 @@ def _series(z, pole, coefficients):
     return f0 + p, f1 + p * p, 2.0 * (f2 + p * p * p)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _coefficients(q):
     """``a, b, c`` of ``q = |phi|^2``, each with its derivatives by q: (a, a', a''), (b, b', b''), (c, c')."""
     z = 0.25 * q
@@ -79,7 +79,7 @@ def _coefficients(q):
     return (1.0 - q * b0, -b0 - q * b1, -2.0 * b1 - q * b2), (b0, b1, b2), (c0, 0.25 * c1)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _end(elements, e, i, x, Q):
     """End `i` of element `e`: its node, arm from the node, position, and directors (rows)."""
     node = elements.nodes[e, i]
@@ -101,7 +101,7 @@ def _end(elements, e, i, x, Q):
     return node, arm, combine(1.0, row_of(x, node), 1.0, arm), product(turn, directors)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _frame(elements, e, x, Q):
     """Both ends' nodes and arms, ``Rm^T``, and spatial ``phi`` and ``delta`` of element `e`."""
     node1, arm1, x1, Q1 = _end(elements, e, 0, x, Q)
@@ -116,13 +116,13 @@ def _frame(elements, e, x, Q):
     return node1, node2, arm1, arm2, middle, phi, combine(1.0, x2, -1.0, x1)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _moved(a, b, phi, v):
     """``M v``."""
     return combine(a, v, b * dot(phi, v), phi)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _pull(a, b, phi, N, y):
     """Gradient of ``N . M(phi) y`` by phi, symmetric in N and y."""
     Np, yp = dot(N, phi), dot(y, phi)
@@ -131,7 +131,7 @@ def _pull(a, b, phi, N, y):
     return combine(s, phi, b[0], g)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def strains(elements, x, Q, out):
     """Write the strains of all elements, (m, 6): ``eps`` [1] and ``kappa`` [1/mm] in material components.
 
@@ -157,14 +157,14 @@ def strains(elements, x, Q, out):
     return math.sqrt(largest)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _resultants(middle, s):
     """Spatial force and couple of the material resultants `s` (6,)."""
     back = transpose(middle)
     return apply(back, (s[0], s[1], s[2])), apply(back, (s[3], s[4], s[5]))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _conjugates(phi, y, N, m, a, b, c):
     """What does work on d delta, on the mean turn and on ``d``: f, h, mu; and ``p``, on d phi (all spatial)."""
     f = _moved(a[0], b[0], phi, N)
@@ -174,7 +174,7 @@ def _conjugates(phi, y, N, m, a, b, c):
     return f, h, mu, p
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add_forces(elements, x, Q, s, force):
     """Add to `force` (n, 6) [mN, uJ] the internal forces and moments on the nodes for the resultants `s` (m, 6).
 
@@ -196,7 +196,7 @@ def add_forces(elements, x, Q, s, force):
             force[node2, 3 + i] += moment2[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _slope(a, b, phi, v):
     """Derivative of ``M(phi) v`` by phi."""
     vp = dot(phi, v)
@@ -204,7 +204,7 @@ def _slope(a, b, phi, v):
     return add_outer(add_outer(multiple(b[0] * vp), 1.0, along, phi), b[0], phi, v)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _pull_slope(a, b, phi, N, y):
     """Derivative of `_pull` by phi, symmetric."""
     Np, yp, Ny = dot(N, phi), dot(y, phi), dot(N, y)
@@ -215,7 +215,7 @@ def _pull_slope(a, b, phi, N, y):
     return add_outer(add_outer(H, b[0], N, y), b[0], y, N)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _turned_moduli(middle, c0, c1, c2):
     """``Rm diag(c) Rm^T``."""
     columns = (
@@ -232,7 +232,7 @@ def _turned_moduli(middle, c0, c1, c2):
     return product(transpose(middle), columns)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _core(phi, y, N, m, moduli_N, moduli_m):
     """Derivatives of f, h, mu (spatial) by d delta, the mean turn and ``d``; `moduli` are divided by the length.
 
@@ -269,7 +269,7 @@ def _core(phi, y, N, m, moduli_N, moduli_m):
     return f, mu, f_y, f_mean, f_d, h_mean, h_d, mu_d
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _put(out, i, j, A, s):
     """Write ``s A`` into block (i, j) of `out`, ``A^T`` into block (j, i)."""
     for k in range(3):
@@ -279,7 +279,7 @@ def _put(out, i, j, A, s):
             out[3 * j + m, 3 * i + k] = value
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _put_diagonal(out, i, A):
     """Write ``A`` into block (i, i) of `out`."""
     for k in range(3):
@@ -287,7 +287,7 @@ def _put_diagonal(out, i, A):
             out[3 * i + k, 3 * i + m] = A[3 * k + m]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def element_tangent(elements, e, x, Q, s, C, out):
     """Write the derivative of element `e`'s internal forces, (12, 12): force and moment of node 1, then of node 2.
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import BY_ADDRESS, INNER, ensure_cache_folder
+from fem_biobot.compile_cache import ALLOCATES, BORROWS, BY_ADDRESS, INNER, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -64,7 +64,7 @@ from fem_biobot.rod.rotation.kernels import turn  # noqa: E402
 from fem_biobot.rod.touching.kernels import meet  # noqa: E402
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _drift(inverse, x, Q, v, spin, h, angle, quarter, to_x, to_Q):
     """Move freely for `h`: constant momentum and spatial angular momentum; second order for any inertia."""
     for i in range(x.shape[0]):
@@ -80,7 +80,7 @@ def _drift(inverse, x, Q, v, spin, h, angle, quarter, to_x, to_Q):
     spin_up(inverse, to_Q, spin, v)
 
 
-@njit(**BY_ADDRESS)
+@njit(**BY_ADDRESS, **BORROWS)
 def joint_masses(assembly, system, work):
     """Fill and factorise masses with joints at the half step; compliance of the nodes that touch from them."""
     inertia = assembly.inertia
@@ -104,7 +104,7 @@ def joint_masses(assembly, system, work):
     return True
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _free_compliance(inertia, inverse, touching, work):
     """Velocity by impulse of the nodes that touch, without joints, (6 f, 6 f), and `work.free`."""
     clear(work.compliance)
@@ -121,7 +121,7 @@ def _free_compliance(inertia, inverse, touching, work):
                     work.free[i, 3 + a] += Js[3 * a + b] * work.rhs[i, 3 + b]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _drag(drags, Q, v, change, h, middle, drag, force):
     """Write the drag in the middle of a kick to `drag` (n, 6) and add it to `force`; `middle` (n + j, 6) is scratch.
 
@@ -137,7 +137,7 @@ def _drag(drags, Q, v, change, h, middle, drag, force):
             force[i, a] += drag[i, a]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def explicit_run(assembly, system, state, plane, h, pulls, load_factors, calls, work, scratch, book, tally):
     """Make steps of length `h`; parameters and tallies as in `rod.dynamics.run.kernels.implicit_run`.
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import ALLOCATES, BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def arm(Q, node, offset, r):
     """Write the arm ``Q^T offset`` of a point of a node; the world's points have none."""
     for i in range(3):
@@ -25,7 +25,7 @@ def arm(Q, node, offset, r):
                 r[i] += Q[node, k, i] * offset[k]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def point(x, Q, node, offset, r, p):
     """Write the arm `r` and the position `p` of a point of a node, or of the world (node -1)."""
     arm(Q, node, offset, r)
@@ -33,7 +33,7 @@ def point(x, Q, node, offset, r, p):
         p[i] = x[node, i] + r[i] if node >= 0 else offset[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add_force(node, r, f, factor, force):
     """Add a force `f` times `factor` at the arm `r` of a node."""
     if node >= 0:
@@ -44,7 +44,7 @@ def add_force(node, r, f, factor, force):
         force[node, 5] += factor * (r[0] * f[1] - r[1] * f[0])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def point_tangent(ra, rb, K, g, out):
     """Add the derivative of a force `f` at arm `ra` whose own derivative is ``K dp_b``, to `out` (6, 6).
 
@@ -73,7 +73,7 @@ def point_tangent(ra, rb, K, g, out):
         out[3 + i, 3 + i] -= dot
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def member_lengths(members, x, Q, lengths):
     """Write the present length of each member, (k,)."""
     r = np.empty(3)
@@ -85,7 +85,7 @@ def member_lengths(members, x, Q, lengths):
         lengths[k] = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def passive_tension(law, stiffness, rest, length):
     """Tensile force of a member without activation, its derivative by length, and its energy."""
     if law == 0:
@@ -98,7 +98,7 @@ def passive_tension(law, stiffness, rest, length):
     return third * (s - 1.0 / s**2), third * (1.0 + 2.0 / s**3) / rest, third * rest * (0.5 * s * s + 1.0 / s - 1.5)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def add_member_forces(members, x, Q, tension, force):
     """Add to `force` what members of the given tension (k,) exert on their nodes."""
     ra = np.empty(3)
@@ -119,7 +119,7 @@ def add_member_forces(members, x, Q, tension, force):
         add_force(j, rb, b, -factor, force)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def member_tangent(members, k, x, Q, tension, stiffness, out):
     """Write minus the derivative of a member's forces, (12, 12), for a derivative `stiffness` of tension by length."""
     ra = np.empty(3)
@@ -152,7 +152,7 @@ def member_tangent(members, k, x, Q, tension, stiffness, out):
     point_tangent(ra, ra, K, -g, out[:6, :6])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def add_loads(loads, factor, Q, force):
     """Add loads times their factors (l,) to `force`."""
     r = np.empty(3)
@@ -172,7 +172,7 @@ def add_loads(loads, factor, Q, force):
             force[i, 3 + c] += factor[k] * m[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def load_tangent(loads, k, factor, Q, out):
     """Write minus the derivative of a load's force on its node, (6, 6)."""
     r = np.empty(3)
@@ -206,7 +206,7 @@ def load_tangent(loads, k, factor, Q, out):
         out[3 + c, 3 + c] += dot
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def add_gravity(inertia, gravity, factor, force):
     """Add the weights of the nodes."""
     for i in range(inertia.mass.shape[0]):
@@ -214,7 +214,7 @@ def add_gravity(inertia, gravity, factor, force):
             force[i, c] += factor * inertia.mass[i] * gravity[c]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def constraint(constraints, j, x, Q, value, rows):
     """Write a joint's six residuals `value` and their derivatives by the two nodes' increments, `rows` (6, 12).
 
@@ -285,7 +285,7 @@ def constraint(constraints, j, x, Q, value, rows):
         rows[:, 6:] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def contact(contacts, k, x, Q, axes, height, pushing, rows):
     """Gap of a contact point to the ground, and derivatives of its motion along the ground's axes, `rows` (3, e, 6).
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -17,7 +17,7 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 from fem_biobot.rod.algebra.kernels import add, add_outer, dot, matrix_of, multiple, product, skew, transpose  # noqa: E402
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def quaternion(R):
     """Unit quaternion ``w, v`` with ``w >= 0`` of a rotation matrix.
 
@@ -46,7 +46,7 @@ def quaternion(R):
     return w, (x, y, z)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def angle_per_sine(w, v):
     """Factor that turns the `v` of a quaternion with ``w >= 0`` into its rotation vector, between 2 and pi."""
     s = math.sqrt(dot(v, v))
@@ -55,7 +55,7 @@ def angle_per_sine(w, v):
     return 2.0 * math.atan2(s, w) / s
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def log(R):
     """Rotation vector of a rotation matrix, no longer than pi; inverse of `exp` below pi."""
     w, v = quaternion(R)
@@ -63,7 +63,7 @@ def log(R):
     return (f * v[0], f * v[1], f * v[2])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def exp(phi):
     """Rotation matrix of a rotation vector of any length."""
     angle = math.sqrt(dot(phi, phi))
@@ -76,7 +76,7 @@ def exp(phi):
     return add_outer(add(multiple(1.0 - 2.0 * dot(v, v)), 2.0 * w, skew(v)), 2.0, v, v)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def turned(Q, dtheta):
     """Directors `Q` (rows, a matrix tuple) after the spatial rotation `dtheta`: ``Q exp(-[dtheta]x)``.
 
@@ -88,7 +88,7 @@ def turned(Q, dtheta):
     return add(T, -0.5, product(excess, T))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def turn(Q, dtheta, out):
     """Write the directors `Q` (n, 3, 3) [1] turned by the spatial vectors `dtheta` (n, 3) [rad]; `out` may be `Q`."""
     for n in range(Q.shape[0]):
@@ -98,7 +98,7 @@ def turn(Q, dtheta, out):
                 out[n, i, j] = T[3 * i + j]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def rotation_between(Q_from, Q_to, out):
     """Write the spatial vectors (n, 3) [rad] that `turn` the directors `Q_from` into `Q_to`, (n, 3, 3), below pi."""
     for n in range(Q_from.shape[0]):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import INNER, ensure_cache_folder
+from fem_biobot.compile_cache import ALLOCATES, BORROWS, INNER, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -17,7 +17,7 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 from fem_biobot.rod.parts.kernels import contact, point  # noqa: E402
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _level(w, p):
     """Take from `p` its part along the unit vector `w`, which may be zero."""
     part = w[0] * p[0] + w[1] * p[1] + w[2] * p[2]
@@ -25,7 +25,7 @@ def _level(w, p):
         p[c] -= part * w[c]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _nearest(p, a, b, low, high):
     """Share of the way from `a` to `b`, in the bounds, of the point nearest to `p`, and the distance squared."""
     along = 0.0
@@ -40,7 +40,7 @@ def _nearest(p, a, b, low, high):
     return t, square
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _across(n, s, t1):
     """Write the unit vector `t1` across the unit vector `n`, along `s` if that is possible."""
     along = n[0] * s[0] + n[1] * s[1] + n[2] * s[2]
@@ -63,7 +63,7 @@ def _across(n, s, t1):
         t1[c] /= size
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _enter(direction, r, weight, row):
     """Write ``weight direction . (dx + dtheta x r)`` by the six increments of a node to `row` (6,)."""
     for c in range(3):
@@ -73,7 +73,7 @@ def _enter(direction, r, weight, row):
         row[3 + c] = weight * (r[d] * direction[e] - r[e] * direction[d])
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def touch(touches, k, x, Q, rows, ends):
     """Gap of a node to its chain, and the derivatives of the relative motion of the surfaces, `rows` (3, 3, 6).
 
@@ -143,7 +143,7 @@ def touch(touches, k, x, Q, rows, ends):
     return apart - touches.distance[k]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def meet(contacts, touches, held, x, Q, axes, height, pushing, gap, rows, ends):
     """Write gaps (c,), rows (c, 3, e, 6) and nodes `ends` (c, e) of all contacts: first the ground's, then touches.
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def factor(A, n, exchanged):
     """Overwrite the leading n by n part of `A` with its L and U factors; `exchanged` gets the rows exchanged.
 
@@ -41,7 +41,7 @@ def factor(A, n, exchanged):
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def substitute(A, n, exchanged, x):
     """Overwrite the first n entries of `x` with the solution of the factored system."""
     for k in range(n):

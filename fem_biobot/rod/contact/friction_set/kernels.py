@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -20,7 +20,7 @@ _EPS = 2.0**-52
 _MOST_ITERATIONS = 60
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def nearest_on_ellipse(z1, z2, a, b):
     """Multiplier ``t`` of the point ``a^2 z1 / (t + a^2), b^2 z2 / (t + b^2)`` of an ellipse nearest to one outside.
 
@@ -44,7 +44,7 @@ def nearest_on_ellipse(z1, z2, a, b):
     return t
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def project(z1, z2, s, m0, m1, m2, m3):
     """Nearest admissible friction to ``z`` and its derivative with respect to ``z``, at normal impulse ``s >= 0``.
 
@@ -87,7 +87,7 @@ def project(z1, z2, s, m0, m1, m2, m3):
     return x1, x2, k1 - c1 * c1 / along, -c1 * c2 / along, k2 - c2 * c2 / along
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def admissible(x1, x2, s, m0, m1, m2, m3):
     """Whether friction ``x`` is admissible at normal impulse ``s``."""
     a = s * (m1 if x1 > 0.0 else m0)
@@ -99,7 +99,7 @@ def admissible(x1, x2, s, m0, m1, m2, m3):
     return u1 * u1 + u2 * u2 <= 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def farthest(n1, n2, m0, m1, m2, m3):
     """Admissible friction at unit normal impulse that is farthest along ``n``: that which resists slip along -n."""
     a = m1 if n1 > 0.0 else m0

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -22,7 +22,7 @@ from fem_biobot.rod.contact.one_point.kernels import solve_point  # noqa: E402
 _EPS = 2.0**-52
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def velocity_scale(b):
     """Largest tangential or approaching velocity in `b` (c, 3) [mm/s]; zero where nothing could slide or press."""
     largest = 0.0
@@ -31,7 +31,7 @@ def velocity_scale(b):
     return largest
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _power_of_two(mobility):
     """Power of two next to ``1 / sqrt(mobility)``; one where there is no mobility."""
     if not 0.0 < mobility < np.inf:
@@ -40,7 +40,7 @@ def _power_of_two(mobility):
     return math.ldexp(1.0, exponent)
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def scaled(W, b, mu, p, S):
     """Write the scaled problem to `S`: a unit diagonal, nearly, for every point."""
     c = p.shape[0]
@@ -63,7 +63,7 @@ def scaled(W, b, mu, p, S):
         S.p[i] = p[i // 3, i % 3] / r
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def natural_map(c, V, S):
     """Write `w`, the natural map `F` and the slopes of its projection for the impulses of `S`; return the residual."""
     n = 3 * c
@@ -108,7 +108,7 @@ def natural_map(c, V, S):
     return worst / V
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def rounding_floor(c, V, S):
     """Residual that rounding of ``b + W p`` alone may leave."""
     n = 3 * c
@@ -122,7 +122,7 @@ def rounding_floor(c, V, S):
     return 2.0 * _EPS * worst / V
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def newton_system(c, proximal, S):
     """Write the Newton matrix of the points that press to `J` and its right side to `step`; return its size."""
     n = 3 * c
@@ -170,7 +170,7 @@ def newton_system(c, proximal, S):
     return size
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def take_step(c, size, S):
     """Add the solved step; points that do not press lose their impulse."""
     for i in range(c):
@@ -183,7 +183,7 @@ def take_step(c, size, S):
         S.p[S.place[row]] += S.step[row]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def sweep(c, S):
     """One round of block Gauss-Seidel: each point solved exactly with the others held."""
     n = 3 * c

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from fem_biobot.compile_cache import ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -24,7 +24,7 @@ _SECTORS = 16
 _EPS = 2.0**-52
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def _slip(phi, B, q0, q1, q2, m0, m1, m2, m3):
     """Impulse of a point that slips along ``-n(phi)``, and sine and cosine (times speed) of what it misses by."""
     n1 = math.cos(phi)
@@ -39,7 +39,7 @@ def _slip(phi, B, q0, q1, q2, m0, m1, m2, m3):
     return pn, d1, d2, n1 * v2 - n2 * v1, n1 * v1 + n2 * v2
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def solve_point(B, q0, q1, q2, m0, m1, m2, m3):
     """Impulse ``p`` of one point with ``w = q + B p`` (3 by 3), and whether it was found."""
     if q0 >= 0.0:

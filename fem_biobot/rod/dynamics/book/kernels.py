@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import BY_ADDRESS, INNER, ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, BY_ADDRESS, INNER, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -23,7 +23,7 @@ from fem_biobot.rod.dynamics.inertia.kernels import (  # noqa: E402
 from fem_biobot.rod.parts.kernels import add_loads, add_member_forces  # noqa: E402
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def enter_damping(assembly, h, before, after, lengths_before, lengths_after, book):
     """Enter the work of viscous resultants and members; returns the elastic energy of the change of strain, doubled."""
     E = assembly.elements
@@ -44,7 +44,7 @@ def enter_damping(assembly, h, before, after, lengths_before, lengths_after, boo
     return stored
 
 
-@njit(**BY_ADDRESS)
+@njit(**BY_ADDRESS, **BORROWS)
 def accept(assembly, system, state, h, theta, load_factor, work, book, tally):
     """Take over the end of a converged step; enter energies into `book` (see `dynamics.arrays.BOOK`) and `tally`."""
     inertia = assembly.inertia

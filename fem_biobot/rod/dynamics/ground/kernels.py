@@ -7,7 +7,7 @@ ground has one node; a node that touches another part has three, itself and the 
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import INNER, ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, INNER, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -22,7 +22,7 @@ CONTACT_ITERATIONS = 100
 _NEAR = 0.05  # gap over the distance between axes, within which a touch is looked at
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _gather(distance, touch, slide, plane, h, theta, gap, p, rows, ends, v1, free, near):
     """Copy the contacts that matter to the front of `near`: all of the ground's, others that are near or press.
 
@@ -59,7 +59,7 @@ def _gather(distance, touch, slide, plane, h, theta, gap, p, rows, ends, v1, fre
     near.number[0] = count
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _condense(grounded, number, rows, ends, push, push_ends, compliance, response, near):
     """Write velocities at the near contacts by impulses there, (3 a, 3 a), to the front of `near.W`.
 
@@ -105,7 +105,7 @@ def _condense(grounded, number, rows, ends, push, push_ends, compliance, respons
                 W[(3 * j + a) * (size + 1)] = W[3 * j * (size + 1)]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _lanes(grounded, i, near):
     """Directions in which a near contact can have impulses: one without friction, of parts that touch, else three."""
     if near.order[i] < grounded:
@@ -116,7 +116,7 @@ def _lanes(grounded, i, near):
     return 1
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def solve_contacts(
     distance, number, touch, slide, plane, h, theta, push, push_ends, friction, work, scratch
 ):  # fmt: skip
@@ -149,7 +149,7 @@ def solve_contacts(
     return trouble
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def settle_contacts(work):
     """Write stick, slip or lift of all contacts at the end of a converged step, and how they slide, to `work`."""
     near = work.near
@@ -165,7 +165,7 @@ def settle_contacts(work):
             work.slid[near.order[i], k] = near.slide[i, k]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def even_out(foot, n_feet, axes, touch, rows, p):
     """Share the tangential impulses of feet that stick among their corners in proportion to the normal ones.
 
@@ -214,7 +214,7 @@ def even_out(foot, n_feet, axes, touch, rows, p):
                 p[i, 2] = p[i, 0] * (fy / weight + turn * x)
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def add_contact_impulses(ends, rows, p, to):
     """Add the impulses `p` (c, 3) of the contacts to those of their nodes, `to` (n, 6)."""
     for i in range(p.shape[0]):
@@ -226,7 +226,7 @@ def add_contact_impulses(ends, rows, p, to):
                             to[ends[i, e], k] += rows[i, a, e, k] * p[i, a]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def enter_contacts(ends, rows, p, touch, vm, h, book, tally):
     """Enter a step's work of friction and normal force into `book`; impulses and times into `tally` (c, 5)."""
     for i in range(p.shape[0]):

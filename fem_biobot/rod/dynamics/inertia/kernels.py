@@ -5,7 +5,7 @@ Angular momenta and velocities are spatial; `J` (n, 3, 3) [kg mm^2] is the inert
 
 from __future__ import annotations
 
-from fem_biobot.compile_cache import INNER, ensure_cache_folder
+from fem_biobot.compile_cache import BORROWS, INNER, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -14,7 +14,7 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 from fem_biobot.rod.algebra.kernels import apply, matrix_of, product, transpose  # noqa: E402
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def clear(a):
     """Fill an array (i, j) with zeros."""
     for i in range(a.shape[0]):
@@ -22,7 +22,7 @@ def clear(a):
             a[i, j] = 0.0
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def clear_blocks(a):
     """Fill an array (i, j, k) with zeros."""
     for i in range(a.shape[0]):
@@ -31,7 +31,7 @@ def clear_blocks(a):
                 a[i, j, k] = 0.0
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def copy(a, to):
     """Copy an array (i, j)."""
     for i in range(a.shape[0]):
@@ -39,14 +39,14 @@ def copy(a, to):
             to[i, j] = a[i, j]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def copy_row(a, to):
     """Copy an array (i,)."""
     for i in range(a.shape[0]):
         to[i] = a[i]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def copy_frames(a, to):
     """Copy directors (n, 3, 3)."""
     for i in range(a.shape[0]):
@@ -55,14 +55,14 @@ def copy_frames(a, to):
                 to[i, j, k] = a[i, j, k]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def spatial_matrix(J, Q, i):
     """``Q^T J Q`` of node `i`, a matrix tuple."""
     directors = matrix_of(Q, i)
     return product(transpose(directors), product(matrix_of(J, i), directors))
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **BORROWS)
 def angular_momentum(J, Q, v, out):
     """Write the angular momentum of every node about its centre of mass, (n, 3) [kg mm^2/s]."""
     for i in range(J.shape[0]):
@@ -73,7 +73,7 @@ def angular_momentum(J, Q, v, out):
             out[i, a] = spatial[a]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def inverses(inertia, out):
     """Write the inverses of the free nodes' inertias, (n, 3, 3); held nodes get zeros, so that they never turn."""
     for i in range(inertia.mass.shape[0]):
@@ -93,14 +93,14 @@ def inverses(inertia, out):
                 out[i, a, d] = out[i, a, d] / det if inertia.held[i] == 0 else 0.0
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def angular_velocity(inverse, Q, i, x, y, z):
     """Angular velocity, a tuple, of node `i` with the angular momentum (x, y, z)."""
     directors = matrix_of(Q, i)
     return apply(transpose(directors), apply(matrix_of(inverse, i), apply(directors, (x, y, z))))
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def spin_up(inverse, Q, spin, v):
     """Write the angular velocities of the nodes with angular momenta `spin` (n, 3) into `v` (n, 6)."""
     for i in range(spin.shape[0]):
@@ -109,7 +109,7 @@ def spin_up(inverse, Q, spin, v):
             v[i, 3 + a] = w[a]
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def kinetic_energy(mass, spin, v):
     """Of nodes with angular momenta `spin` (n, 3) and velocities `v` (n, 6) [uJ]."""
     total = 0.0
@@ -119,7 +119,7 @@ def kinetic_energy(mass, spin, v):
     return total
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def power_of(force, v):
     """Sum of ``force . v`` over the nodes of `v` (n, 6)."""
     total = 0.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_biobot.compile_cache import INNER, ensure_cache_folder
+from fem_biobot.compile_cache import ALLOCATES, BORROWS, INNER, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
 
@@ -24,7 +24,7 @@ from fem_biobot.rod.dynamics.kernels import CONVERGED  # noqa: E402
 _AFTER = 2  # steps after one with a change of contact that are divided, too
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _contact_changes(grounded, state, work):
     """Whether one of the ground's points changes between lifted, stick and slip in the step, or turns its slip."""
     if grounded == 0:
@@ -38,7 +38,7 @@ def _contact_changes(grounded, state, work):
     return False
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _copy_state(state, to):
     copy(state.x, to.x)
     copy_frames(state.Q, to.Q)
@@ -53,7 +53,7 @@ def _copy_state(state, to):
     copy_row(state.alert, to.alert)
 
 
-@njit(**INNER)
+@njit(**INNER, **BORROWS)
 def _average(table, i, begin, end, theta, out):
     """Write the average over a part of a step, from `begin` to `end` of it, of a table's rows `i` and `i + 1`."""
     at = begin + theta * (end - begin)
@@ -61,7 +61,7 @@ def _average(table, i, begin, end, theta, out):
         out[k] = at * table[i + 1, k] + (1.0 - at) * table[i, k]
 
 
-@njit(cache=True, nogil=True)
+@njit(**KERNEL, **ALLOCATES)
 def implicit_run(
     assembly, system, state, plane, h, theta, theta_part, parts, closing, pulls, load_factors, arm, tolerance, most,
     calls, work, scratch, book, tally,

@@ -6,7 +6,7 @@ How many processor seconds does one simulated second of a machine of five rods t
 package, and how many with the explicit rods of PyElastica, each at its largest step that still gives its own stroke to
 one per cent? And what do the reduced junction bot, its explicit twin and a walk of a minute cost?
 
-Run: ``python studies/rod_speed.py [--level smoke|full] [--out FOLDER]``; seven minutes at level full.
+Run: ``python studies/rod_speed.py [--level smoke|full] [--out FOLDER]``; eight minutes at level full.
 PyElastica takes part where it is installed (``pip install pyelastica``; 1.0.0 was used).
 """
 
@@ -606,9 +606,10 @@ def expect(found: Speed, level: str) -> None:
             apart = abs(theirs["refined_mm"] / five["refined_mm"] - 1.0)
             assert apart < 0.06, f"{name}: stroke differs from ours by {apart:.2%}"
     assert not found.walk["ended_early"], "the long walk ended early"
-    ratio = found.ratio(PUBLISHED, FIVE)
-    if level == "full" and ratio is not None:
-        assert ratio >= FLOOR, f"PyElastica takes only {ratio:.0f} times as long"
+    for name in (PUBLISHED, SOFT):
+        ratio = found.ratio(name, FIVE)
+        if level == "full" and ratio is not None:
+            assert ratio >= FLOOR, f"{name}: takes only {ratio:.0f} times as long"
 
 
 def verdict(found: Speed) -> list[str]:
@@ -626,33 +627,33 @@ def verdict(found: Speed) -> list[str]:
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 FOUND = """
-Two cores shared with other work; two runs of seven minutes, medians of five interleaved rounds each; every contender
-kept at most one core busy. PyElastica 1.0.0 was timed over 0.5 simulated seconds, ours over 25. Where two numbers
-stand, they are those of the two runs; what no table of this study shows was measured once, beside it.
+Two cores shared with other work; one run of eight minutes, medians of five interleaved rounds; every contender kept at
+most one core busy. PyElastica 1.0.0 was timed over 0.5 simulated seconds, ours over 25.
 
 processor seconds per simulated second          step     stroke   off its refinement
-  ours, five rods                               5 ms     0.848    0.7 %    0.080, 0.081
-  ours, three rods and two muscles              6.7 ms   0.851    1.0 %    0.042, 0.041
-  PyElastica, joints 50 times an element        6.25 us  0.861    0.03 %   16, 20
-  PyElastica, joints of the published walker    1.25 us  0.869    0.00 %   77, 96
-  junction bot, 16 beam elements, implicit      1 ms     0.463    13 %     0.14, 0.16
-  junction bot, explicit                        3.1 us   0.408    0.00 %   12.2, 12.6
+  ours, five rods                               5 ms     0.848    0.7 %    0.047
+  ours, five rods, default settings             6.7 ms   0.850    1.0 %    0.106
+  ours, three rods and two muscles              6.7 ms   0.851    0.9 %    0.024
+  PyElastica, joints 50 times an element        6.25 us  0.861    0.03 %   16.0
+  PyElastica, joints of the published walker    1.25 us  0.869    0.00 %   80.6
+  junction bot, 16 beam elements, implicit      1 ms     0.460    13 %     0.113
+  junction bot, explicit                        3.1 us   0.408    0.00 %   6.6
 
-* Against the walker's joints PyElastica takes 955 and 1180 times as long on the same five rods, 1840 and 2340 times
-  with our strands as members: 300 is met. Only the force of its joints is the walker's there, turning is softer.
-* Joints are the choice that decides. The softest that keep the stroke (50 times the stiffness of an element; 20 times
-  loses 2.0 % against 200 times, 50 times 0.7 %) let PyElastica take five times the step: 201 and 249 times as long as
-  our five rods, 387 and 492 times as long as ours with members. Five rods fall short of 300 there.
-* PyElastica is at its limit of stability with either, not of accuracy: the next step of the ladder, 1.28 times as
-  long, ends in no numbers. Between them up to a fifth of its time might be gained.
+* PyElastica takes 345 times as long as our five rods where its joints are as soft as they may be (50 times the
+  stiffness of an element; 20 times loses 2.0 % of the stroke against 200 times, 50 times 0.7 %), 1730 times with the
+  walker's joints; with our strands as members 656 and 3300 times: 300 is met by each.
+* As its joints are as soft as the stroke allows, our tolerance is as loose: 1e-6 instead of 1e-9 changes no digit shown
+  and saves a quarter; steps made again in parts where contact changes bring this stroke nothing, and are left out.
+  With the default settings, which serve walks, the ratios are 152 and 763: the first falls short of 300.
+* PyElastica is at its limit of stability with either kind of joint, not of accuracy: the next step of the ladder, 1.28
+  times as long, ends in no numbers. Between them up to a fifth of its time might be gained.
 * The codes agree: strokes converge to 0.842 mm (ours; 0.843 with members) and 0.860 (PyElastica, 2.2 % more; 0.869
   with the walker's joints, 3.2 % more). Without ground and weight, at a constant pull, its beam closes 1.2 % more than
   ours with 16 elements and 0.1 % with 32; the rest is damping and friction below the speed of sticking.
-* A minute's walk of the bot at 1 ms: 9.8 and 9.4 s of processor time, 3.4 iterations a step, no step halved, 15 mm.
-  While its feet stick, as they do at the drive of the design, a second costs 0.11 s.
-* The bot's first stroke at drive 2 is one of two, which differ by one slip: 0.463 mm at steps of 1 and 2 ms, 0.408 at
-  0.5 ms and below and with explicit steps. At drive 1.6 steps from 2 ms to 0.06 ms agree to 0.4 %, at 2.4 they
-  scatter by 6 %. So 13 % is no order of the scheme, and 1 ms does not settle one stroke of the lightly damped bot.
+* A minute's walk of the bot at 1 ms: 8.7 s of processor time, 3.9 iterations a step, no step halved, 10.7 mm.
+* The bot's first stroke at drive 2 is one of two, which differ by one slip: 0.460 mm at steps of 1 ms, 0.408 at 0.5 ms
+  and below and with explicit steps. So 13 % is no order of the scheme, and 1 ms does not settle one stroke of the
+  lightly damped bot.
 """
 
 # --- what was not looked at -------------------------------------------------------------------------------------------

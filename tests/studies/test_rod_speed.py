@@ -67,7 +67,7 @@ def test_the_study_refuses_a_coarse_step_another_machine_and_a_small_ratio() -> 
     cost = smoke().row(module.FIVE)["cost_1"]
     for name, theirs, word in (
         ("refined_mm", 1.07 * stroke, "differs from ours"),
-        ("cost_1", 299.0 * cost, "only 299"),
+        ("cost_1", 299.0 * cost, "takes only 299"),
     ):
         found = copy.deepcopy(smoke())
         row = {"contender": module.PUBLISHED, "off_1": 0.0, "refined_mm": stroke, "cost_1": 400.0 * cost, name: theirs}

@@ -27,7 +27,7 @@ _JUNCTION = ("muscle.junction_width", "muscle.junction_thickness")
 _OPTIONAL = ("skeleton.pillar_count", "skeleton.fillet_radius", "muscle.ring_offset")
 _PARTS = frozenset((*_PILLARS, *_RING, *_JUNCTION, *_OPTIONAL, "muscle.junction_length"))
 # of what rods alone have no use for
-_SOLID = ("mesh.size", "mesh.element", "numerics.tolerance")
+_SOLID = ("mesh.size", "mesh.element", "numerics.tolerance", "numerics.linear")
 _MEDIUM = ("ground.immersion", "ground.medium_density", "ground.viscosity")
 
 # Smallest clearance worth meshing, relative to the beam's thickness: what only rounding separates is in touch.
@@ -159,6 +159,11 @@ def _check_times_and_friction(design: Design) -> None:
 
 
 def _check_element(design: Design) -> None:
+    if design.numerics.linear == "iterative" and design.mesh.element != "P2":
+        raise DesignError(
+            f'numerics.linear: found "iterative" with mesh.element "{design.mesh.element}", expected "auto" or '
+            '"direct": conjugate gradients solve systems without pressures only'
+        )
     for name in ("skeleton", "muscle"):
         part = getattr(design, name)
         if part is not None and part.material.poisson > _MOST_POISSON and design.mesh.element == "P2":

@@ -97,6 +97,7 @@ OxygenUse = Literal["field", "section", "none"]
 GelFace = Literal["sealed", "permeable"]
 Immersion = Literal["air", "submerged"]
 Element = Literal["P2", "P2-P1"]
+LinearSystems = Literal["auto", "direct", "iterative"]
 
 
 OdditySet = Literal["as_published", "corrected"]
@@ -278,6 +279,11 @@ class Numerics(Record, frozen=True):
     )
     tolerance: Annotated[float, Quantity("1", 1e-13, 1e-3)] = Field(
         default=1e-9, description="Residual relative to the force scale at which an equilibrium is accepted [1]"
+    )
+    linear: LinearSystems = Field(
+        default="auto",
+        description="Linear systems of the solid: direct factors the matrix, iterative (mesh.element P2 only) that of "
+        "the linear tetrahedra alone; auto: iterative for large meshes, where it is faster and needs less memory",
     )
 
 

@@ -30,7 +30,7 @@ from fem_biobot.files import replacing
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import committed_mesh
 from fem_biobot.progress import show_tables
-from fem_biobot.solid import linear, newton, path
+from fem_biobot.solid import direct, linear, path
 from fem_biobot.solid.from_design import tension_step
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
@@ -107,7 +107,7 @@ def timed(clock: Clock) -> Iterator[None]:
         (System, "internal_force", "residual"),
         (System, "tangent", "tangent"),
         (factorising, "factor", "factor"),
-        (newton, "conjugate_gradients", "cg"),
+        (direct, "conjugate_gradients", "cg"),
     ]
     with ExitStack() as stack:
         for owner, name, part in parts:
@@ -242,7 +242,7 @@ def _walk(
                 "newton_1": state.newton_iterations,
                 "factorisations_1": state.factorisations,
                 "cg_1": state.cg_iterations,
-                "states": states[-3:],
+                "states": states[-4:],
             }
         )
     one = float(np.median(clock.each.get("factor", [np.nan])))

@@ -18,6 +18,7 @@ from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.fibres import fibre_field, in_junction
 from fem_biobot.muscle.oxygenation import viable_share
 from fem_biobot.solid.model import SolidModel
+from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.records import BodyForce, Fix, Step, Traction
 
 
@@ -49,6 +50,11 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
         area = design.skeleton.beam_width * design.skeleton.beam_thickness
         loads.append(Traction("tip", (0.0, 0.0, design.load.tip_force / area)))
     return SolidModel(mesh, materials, active, supports(design, mesh), loads, element=design.mesh.element)
+
+
+def newton_settings(design: Design) -> NewtonSettings:
+    """Tolerance and choice of the linear solver that a design asks for."""
+    return NewtonSettings(tolerance=design.numerics.tolerance, linear=design.numerics.linear)
 
 
 def _law(material: Material, a0: Array | None) -> Law:

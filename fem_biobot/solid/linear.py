@@ -45,6 +45,7 @@ class Factorisation(Protocol):
 
     name: str
     negative_pivots: int
+    single: bool
 
     def factor(self, data: Array) -> None:
         """Factor the matrix with these upper-triangle values; may raise `NotPositiveDefiniteError`."""
@@ -58,15 +59,16 @@ class Factorisation(Protocol):
 class Pardiso:
     """Factorisation by MKL's PARDISO, one analysis for the life of the object.
 
-    Cholesky's for displacements alone; with pressures ``L D L^T`` with pivots of one or two rows; without symmetry
-    ``L U``.
+    Cholesky's for displacements alone, in single precision if wished; with pressures ``L D L^T`` with pivots of one or
+    two rows; without symmetry ``L U``.
     """
 
-    def __init__(self, pattern: Pattern, symmetric: bool = True) -> None:
+    def __init__(self, pattern: Pattern, symmetric: bool = True, single: bool = False) -> None:
         self._call = _mkl_pardiso()
         self._kind = 11 if not symmetric else -2 if pattern.n_pressures else 2
         kind = {11: "unsymmetric", -2: "symmetric indefinite", 2: "symmetric positive definite"}[self._kind]
-        self.name = f"PARDISO (MKL), {kind}"
+        self.name = f"PARDISO (MKL), {kind}" + (", single precision" if single else "")
+        self.single = single
         self.negative_pivots = 0
         self._whole = None if symmetric else Whole(pattern)
         self._starts, self._columns = (self._whole or pattern).starts, (self._whole or pattern).columns
@@ -79,12 +81,13 @@ class Pardiso:
         iparm[17] = -1  # report the fill
         iparm[20] = 1  # pivots of one or two rows (Bunch and Kaufman) where indefinite
         iparm[23] = 1  # two-level factorisation, scales on few threads
+        iparm[27] = int(single)
         iparm[34] = 1  # zero-based indices
         self._iparm = iparm
         self._analysed = False
-        self._data: Array | None = None
+        self._data: Array | NDArray[np.float32] | None = None
 
-    def _run(self, phase: int, data: Array | None, b: Array | None = None, x: Array | None = None) -> int:
+    def _run(self, phase: int, data: Any, b: Any = None, x: Any = None) -> int:
         int32 = ctypes.c_int32
         error = int32(0)
         dummy = ctypes.c_double(0.0)
@@ -111,23 +114,31 @@ class Pardiso:
         """Factor; the first call also analyses the pattern."""
         if self._whole is not None:
             data = self._whole.entries(data)
+        values = data.astype(np.float32) if self.single else data
         if not self._analysed:
-            error = self._run(11, data)
+            error = self._run(11, values)
             if error:
                 raise MemoryError(f"PARDISO: analysis failed with code {error}")
             self._analysed = True
-        error = self._run(22, data)
+        error = self._run(22, values)
         if error == -4:
             raise NotPositiveDefiniteError
         if error:
             raise MemoryError(f"PARDISO: factorisation failed with code {error}")
-        self._data = data
+        self._data = values
         self.negative_pivots = int(self._iparm[22])
 
     def solve(self, b: Array) -> Array:
         """Solve with the latest factor."""
+        if not self.single:
+            return self._solved(np.ascontiguousarray(b))
+        # neither the right-hand side nor the solution may leave the range of small numbers
+        size = float(np.max(np.abs(b))) or 1.0
+        return size * self._solved((b / size).astype(np.float32)).astype(float)
+
+    def _solved(self, b: Any) -> Any:
         x = np.empty_like(b)
-        error = self._run(33, self._data, np.ascontiguousarray(b), x)
+        error = self._run(33, self._data, b, x)
         if error:
             raise MemoryError(f"PARDISO: solution failed with code {error}")
         return x
@@ -142,6 +153,7 @@ class SuperLU:
     """LU factorisation by SciPy's SuperLU, for machines without MKL; symmetric ordering, diagonal pivots."""
 
     name = "SuperLU (SciPy)"
+    single = False
 
     def __init__(self, pattern: Pattern, symmetric: bool = True) -> None:
         self._pattern = pattern
@@ -197,9 +209,9 @@ def pardiso_missing() -> str | None:
     return None
 
 
-def factorisation(pattern: Pattern, symmetric: bool = True) -> Factorisation:
-    """The best factorisation that this machine has."""
-    return SuperLU(pattern, symmetric) if pardiso_missing() else Pardiso(pattern, symmetric)
+def factorisation(pattern: Pattern, symmetric: bool = True, *, single: bool = False) -> Factorisation:
+    """The best factorisation that this machine has; in single precision if wished and the library can."""
+    return SuperLU(pattern, symmetric) if pardiso_missing() else Pardiso(pattern, symmetric, single)
 
 
 class Whole:

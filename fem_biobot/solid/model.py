@@ -277,7 +277,7 @@ def solve(
     settings
         Tolerance and limits.
     start
-        States of the same model to go on from, latest last (up to three serve the predictor); by default the
+        States of the same model to go on from, latest last (up to four serve the predictor); by default the
         undeformed body.
     trial
         Displacement (3, n) [mm] and, if known, point stress (6, e, q) [kPa] from which the first step begins, without

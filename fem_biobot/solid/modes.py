@@ -10,10 +10,10 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from fem_biobot.errors import ModelError
+from fem_biobot.solid.direct import LinearSolver
 from fem_biobot.solid.linear import NotPositiveDefiniteError, product
 from fem_biobot.solid.mass import mass_matrix
 from fem_biobot.solid.model import SolidState, direct_solver
-from fem_biobot.solid.newton import LinearSolver
 from fem_biobot.solid.space import Array, Ints
 from fem_biobot.solid.system import System
 

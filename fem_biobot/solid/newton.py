@@ -10,22 +10,14 @@ mixed form is an unknown like the displacement; its change is carried into the s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array, OutsideLawError
-from fem_biobot.solid.linear import (
-    Factorisation,
-    NotPositiveDefiniteError,
-    conjugate_gradients,
-    factorisation,
-    has_negative_eigenvalue,
-    minimal_residuals,
-)
-from fem_biobot.solid.pattern import Ints, Pattern
+from fem_biobot.solid.linear import NotPositiveDefiniteError
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.system import InvertedError, Points, System
 
@@ -72,9 +64,6 @@ MANY = 300_000
 _NEAR = 1e-4
 
 
-# compliance beside that of the pressures, in shear moduli, with which the matrix of the mixed form is factored: the
-# factor then solves it to about this, and rounding, which grows as its inverse, stays far below
-_STEADY = 1e-6
 # the residual cannot fall below this many times what rounding leaves of the stresses
 _ROUNDING = 4.0
 
@@ -125,110 +114,6 @@ class Counts:
     def since(self, before: Counts) -> Counts:
         """What was added since."""
         return Counts(self.newton - before.newton, self.factorisations - before.factorisations, self.cg - before.cg)
-
-
-@dataclass
-class LinearSolver:
-    """Solves successive tangents with as few factorisations as pay.
-
-    The first tangent of a step, at the predictor, is factored; its factor preconditions conjugate gradients on the
-    later tangents of the step, which differ little from it.
-
-    With pressures the matrix is that of a saddle point: symmetric, with as many negative eigenvalues as pressures where
-    the equilibrium is stable. Then a matrix is factored that differs from it by very little compliance, so that no
-    pivot vanishes however incompressible the body is, and minimal residuals take the place of conjugate gradients.
-
-    Parameters
-    ----------
-    steadying
-        Places in the matrix and what is added there before it is factored; with pressures only.
-    symmetric
-        Whether the matrices are; an unsymmetric one is factored as ``L U``, which says nothing of stability.
-    """
-
-    pattern: Pattern
-    settings: NewtonSettings
-    counts: Counts = field(default_factory=Counts)
-    steadying: tuple[Ints, Array] | None = None
-    symmetric: bool = True
-    _factor: Factorisation | None = None
-    _usable: bool = False
-    _even: LinearSolver | None = None
-
-    @property
-    def name(self) -> str:
-        """Which factorisation is used."""
-        return self._renewable().name
-
-    def _renewable(self) -> Factorisation:
-        if self._factor is None:
-            self._factor = factorisation(self.pattern, self.symmetric)
-        return self._factor
-
-    def renew(self) -> None:
-        """Have the next tangent factored."""
-        self._usable = False
-
-    def factor(self, data: Array) -> None:
-        """Factor a tangent; raises `NotPositiveDefiniteError` where the equilibrium it belongs to is not stable."""
-        self._usable = False
-        factor = self._renewable()
-        if self.steadying is not None:
-            places, values = self.steadying
-            data = data.copy()
-            (data if self.symmetric else data[0])[places] += _STEADY * values
-        factor.factor(data)
-        self.counts.factorisations += 1
-        if self.symmetric and factor.negative_pivots != self.pattern.n_pressures:
-            raise NotPositiveDefiniteError
-        self._usable = True
-
-    def refuse_unstable(self, data: Array) -> None:
-        """Raise `NotPositiveDefiniteError` for the tangent of an equilibrium that is not stable.
-
-        Without symmetry a positive definite symmetric part is enough; where it is not, no eigenvalue near zero may be
-        negative (divergence; flutter is an affair of dynamics).
-        """
-        if self.symmetric:
-            self.factor(data)
-            return
-        if self._even is None:
-            self._even = LinearSolver(self.pattern, self.settings, self.counts, self.steadying)
-        try:
-            self._even.factor(data[0])
-        except NotPositiveDefiniteError:
-            self.factor(data)
-            if has_negative_eigenvalue(self._renewable(), self.pattern):
-                raise
-
-    def solve(self, data: Array, b: Array, tolerance: float) -> Array:
-        """Solve with the tangent's upper triangle; raises `NotPositiveDefiniteError`."""
-        if self._usable:
-            try:
-                x, reached = self._iterate(data, b, tolerance)
-            except NotPositiveDefiniteError:
-                # the old factor may mislead: let the new one decide
-                reached, x = False, b
-            if reached:
-                return x
-        self.factor(data)
-        if self.pattern.n_pressures:
-            return self._iterate(data, b, tolerance)[0]
-        return self._renewable().solve(b)
-
-    def _iterate(self, data: Array, b: Array, tolerance: float) -> tuple[Array, bool]:
-        definite = self.symmetric and not self.pattern.n_pressures
-        method = conjugate_gradients if definite else minimal_residuals
-        x, used, reached = method(
-            self.pattern,
-            data,
-            b,
-            self._renewable().solve,
-            tolerance=tolerance,
-            max_iterations=self.settings.max_cg,
-        )
-        self.counts.cg += used
-        return x, reached
 
 
 @dataclass(frozen=True)

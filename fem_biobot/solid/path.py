@@ -1,7 +1,8 @@
 """A path of load steps: predictor, subdivision of long steps, halving of steps that fail, and the outcome.
 
-The predictor extrapolates the last states quadratically in the path's parameter, displacement, pressure AND the point
+The predictor extrapolates up to four last states in the path's parameter, displacement, pressure AND the point
 stresses: extrapolating the displacement alone leaves a strip full of spurious membrane stress and is worse than none.
+With equal steps the fourth state saves one Newton iteration in three; a fifth was tried and saves none.
 """
 
 from __future__ import annotations
@@ -89,7 +90,8 @@ def equilibria(
                 goals.append(Step(0.5 * (reached.load + goal.load), 0.5 * (reached.tension + goal.tension)))
                 continue
             goals.pop()
-            history = [*history[-2:], state]
+            # moduli are most of a state and serve no predictor
+            history = [*history[-3:], replace(state, points=state.points._replace(D=state.points.D[:0].copy()))]
             trial = None
         yield history[-1], solver.counts.since(before)
 
@@ -115,7 +117,7 @@ def _rest(system: System) -> Equilibrium:
 
 
 def _predict(system: System, history: list[Equilibrium], goal: Step) -> Trial:
-    """Trial displacement, pressure and carried stress at `goal` from up to three collinear states."""
+    """Trial displacement, pressure and carried stress at `goal` from up to four collinear states."""
     last = history[-1]
     here = np.array([last.step.load, last.step.tension])
     way = np.array([goal.load, goal.tension]) - here

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
 from fem_biobot.errors import ModelError
+from fem_biobot.solid.direct import LinearSolver
 from fem_biobot.solid.linear import NotPositiveDefiniteError, product
-from fem_biobot.solid.newton import Equilibrium, LinearSolver, StepSolver, newton_matrix
+from fem_biobot.solid.newton import Equilibrium, StepSolver, newton_matrix
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.space import Array
 from fem_biobot.solid.system import InvertedError, System

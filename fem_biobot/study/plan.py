@@ -14,7 +14,7 @@ import numpy as np
 from fem_biobot.design import Design
 from fem_biobot.errors import SolveError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.from_design import remodelled, tension_step, tension_unit
+from fem_biobot.solid.from_design import newton_settings, remodelled, tension_step, tension_unit
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidState, linear_solver, solve
 from fem_biobot.solid.newton import NewtonSettings
@@ -123,7 +123,7 @@ class Solver:
     natural_stretch: float = 1.0
 
     def __post_init__(self) -> None:
-        self.settings = NewtonSettings(tolerance=self.design.numerics.tolerance)
+        self.settings = newton_settings(self.design)
         with warnings.catch_warnings():
             # told as a note of the job
             warnings.simplefilter("ignore", LockingWarning)
@@ -164,7 +164,7 @@ class Solver:
             state = self._meet_force(wanted.force)
         else:
             assert wanted.tension is not None
-            state = self._go(self._step(wanted.tension, wanted.load), self.history[-3:])
+            state = self._go(self._step(wanted.tension, wanted.load), self.history[-4:])
         self._remember(state)
         return Found(wanted, state, self.natural_stretch)
 
@@ -219,7 +219,7 @@ class Solver:
 
     def _remember(self, state: SolidState) -> None:
         if not self.history or self.history[-1].step != state.step:
-            self.history = [*self.history[-2:], state]
+            self.history = [*self.history[-3:], state]
         if self.design.muscle is not None and state.model is self.moulded:
             self.seen.append((state.step.tension * tension_unit(self.design), self.measurer.muscle_force(state)))
 
@@ -228,7 +228,7 @@ class Solver:
         before = self.solver.counts.copy()
         trial = replace(self.settings, check_stability=False)
         for _ in range(8):
-            state = self._go(self._step(self._tension_guess(force)), self.history[-3:], trial)
+            state = self._go(self._step(self._tension_guess(force)), self.history[-4:], trial)
             self._remember(state)
             if abs(self.seen[-1][1] - force) <= _FORCE_TOLERANCE * force:
                 self._go(state.step, [state])  # the state itself, with its stability checked
@@ -273,7 +273,7 @@ class Solver:
         assert wanted.tension is not None
         step = self._step(wanted.tension)
         before = self.solver.counts.copy()
-        state = self._go(step, self.history[-3:])  # the moulded state at this tension
+        state = self._go(step, self.history[-4:])  # the moulded state at this tension
         path = [(0.0, state, self.measurer.passive_fibre_stress(state))]
         longest = _FIRST_LN_STRETCH
         rough = replace(self.settings, tolerance=max(self.settings.tolerance, _TRIAL_TOLERANCE), check_stability=False)

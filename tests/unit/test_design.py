@@ -189,6 +189,7 @@ RANGES = [
     ("mesh.size", 0.0, "expected above 0 mm"),
     ("numerics.tolerance", 0.1, "found 0.1, expected between 1e-13 and 0.001"),
     ("numerics.damping_time", -1.0, "expected 0 s or more"),
+    ("numerics.linear", "both", "auto"),
     ("skeleton.pillar_count", 1, "found 1, expected between 2 and 100"),
     ("skeleton.pillar_count", 10**400, "found a huge whole number, expected between 2 and 100"),
     ("name", "two\nlines", 'found "two\\nlines", expected printable text'),
@@ -223,6 +224,7 @@ def test_values_outside_their_range_are_refused(bot: Design, key: str, value: ob
         ("skeleton.fillet_radius", 1.0),
         ("ground.static_friction", 0.3),
         ("numerics.damping_time", 0.0),
+        ("numerics.linear", "iterative"),
         ("drive.amplitude", 0.0),
         ("muscle.reference", "remodelled"),
     ],
@@ -283,6 +285,10 @@ CLASHES: list[tuple[dict[str, Any], tuple[str, ...]]] = [
     ({"skeleton.fillet_radius": 2.5}, ("skeleton.fillet_radius: found 2.5 mm, expected less than 2.46 mm",)),
     ({"ground.kinetic_friction": 0.5}, ("ground.kinetic_friction: found 0.5", "ground.static_friction (0.42)")),
     ({"numerics.step": 6.0}, ("numerics.step: found 6 s", "drive.duration (5 s)")),
+    (
+        {"numerics.linear": "iterative", "mesh.element": "P2-P1"},
+        ("numerics.linear", "without pressures"),
+    ),
 ]
 
 

@@ -11,7 +11,14 @@ from fem_biobot.material import NaturalState, NeoHooke
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import committed_mesh
 from fem_biobot.muscle.fibres import fibre_field, in_junction
-from fem_biobot.solid.from_design import densities, model_from_design, remodelled, tension_step, tension_unit
+from fem_biobot.solid.from_design import (
+    densities,
+    model_from_design,
+    newton_settings,
+    remodelled,
+    tension_step,
+    tension_unit,
+)
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, solve
 from fem_biobot.solid.newton import NewtonSettings
@@ -151,3 +158,13 @@ def test_remodelled_tissue_gives_way_less() -> None:
         state = solve(machine, [tension_step(design, 4.0)], settings=loose).last
         forces.append(measurer.muscle_force(state))
     assert forces[1] > 1.03 * forces[0]
+
+
+def test_the_settings_of_a_design_reach_the_solver() -> None:
+    """Tolerance and the choice of the linear solver are those of `numerics`.
+
+    Catches: a key that is read and forgotten.
+    """
+    design = load_design("junction_bot", ["numerics.tolerance=1e-7", 'numerics.linear="iterative"'])
+    assert newton_settings(design) == NewtonSettings(tolerance=1e-7, linear="iterative")
+    assert newton_settings(load_design("junction_bot")) == NewtonSettings()

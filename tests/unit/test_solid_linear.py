@@ -10,6 +10,7 @@ from scipy import sparse
 
 from fem_biobot.material import ActiveStress, NeoHooke
 from fem_biobot.solid import linear
+from fem_biobot.solid.direct import LinearSolver
 from fem_biobot.solid.linear import (
     NotPositiveDefiniteError,
     Pardiso,
@@ -19,7 +20,7 @@ from fem_biobot.solid.linear import (
     pardiso_missing,
 )
 from fem_biobot.solid.model import SolidModel, linear_solver, solve
-from fem_biobot.solid.newton import LinearSolver, NewtonSettings
+from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.pattern import Pattern, pattern
 from tests.helpers import TIGHT, box_mesh, generator, on_three_corners, unchanged, unit
 
@@ -229,6 +230,7 @@ class _Counting:
     """A factorisation that counts, on SuperLU."""
 
     name = "counting"
+    single = False
 
     def __init__(self) -> None:
         self.inner, self.factored = SuperLU(PATTERN), 0

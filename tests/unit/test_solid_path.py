@@ -51,25 +51,26 @@ def test_states_come_in_the_order_asked_and_the_start_goes_on() -> None:
     np.testing.assert_allclose(fresh.last.u, whole.last.u, rtol=0.0, atol=1e-11)
 
 
-def test_the_predictor_is_of_third_order() -> None:
-    """From three states the first residual of the next step falls with the third power of the spacing.
+@pytest.mark.parametrize(("count", "largest"), [(3, 0.0125), (4, 0.00625)])
+def test_the_predictor_is_of_the_order_of_its_states(count: int, largest: float) -> None:
+    """The first residual of the next step falls with the third power of the spacing, from four states with the fourth.
 
-    Catches: linear extrapolation (slope 2), weights for another spacing.
+    Catches: linear extrapolation (slope 2), weights for another spacing, a fourth state forgotten.
     """
     model = _contracting()
-    spacing, first = [0.0125, 0.00625, 0.003125], []
+    spacing, first = [largest, largest / 2.0, largest / 4.0], []
     for h in spacing:
         starts: list[float] = []
         solve(
             model,
-            [0.5 - 2 * h, 0.5 - h, 0.5, 0.5 + h],
+            [0.5 - k * h for k in range(count - 1, -2, -1)],
             settings=TIGHT,
             observe=lambda kind, values, starts=starts: (
                 values.get("iteration") == 0 and starts.append(values["residual"])
             ),
         )
         first.append(starts[-1])
-    assert slope(spacing, first) == pytest.approx(3.0, abs=0.15)
+    assert slope(spacing, first) == pytest.approx(count, abs=0.15)
 
 
 def test_a_path_may_turn_back_stand_still_and_start_at_rest() -> None:

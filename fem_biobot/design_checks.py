@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fem_biobot.design_parts import FIBRE_LAWS, LAW_PARAMETERS
+from fem_biobot.design_parts import DRIVE_NEEDS, FIBRE_LAWS, LAW_PARAMETERS
 from fem_biobot.errors import DesignError
 from fem_biobot.units import expected_text, format_quantity, shown
 
@@ -65,6 +65,7 @@ def check_fit(design: Design) -> None:
     _check_sections(design)
     _check_parts(design)
     _check_times_and_friction(design)
+    _check_drive(design)
     _check_element(design)
     _check_laws(design)
     _check_tension(design)
@@ -155,6 +156,47 @@ def _check_times_and_friction(design: Design) -> None:
         raise DesignError(
             f"numerics.step: found {format_quantity(step, 's')}, "
             f"expected at most drive.duration ({format_quantity(drive.duration, 's')})"
+        )
+
+
+# waveforms that a parameter belongs to
+_DRIVE_KEYS = {
+    "pulse_width": ("pulse", "rc_biphasic"),
+    "rc_time": ("rc_biphasic",),
+    "pulse_rate": ("pulse", "rc_biphasic", "twitch"),
+}
+_MOST_PULSES = 1000
+
+
+def _check_drive(design: Design) -> None:
+    """Parameters of other waveforms, missing ones, and bursts that are not whole."""
+    drive = design.drive
+    for key in DRIVE_NEEDS.get(drive.waveform, ()):
+        if getattr(drive, key) is None:
+            raise DesignError(
+                f'drive.{key}: missing, expected {expected_text("s")} for drive.waveform "{drive.waveform}"'
+            )
+    for key, owners in _DRIVE_KEYS.items():
+        value = getattr(drive, key)
+        if value is not None and drive.waveform not in owners:
+            found = format_quantity(value, "Hz" if key == "pulse_rate" else "s")
+            raise DesignError(
+                f'drive.{key}: found {found} with drive.waveform "{drive.waveform}", expected it with '
+                f"{' or '.join(owners)} only"
+            )
+    if not 1 <= drive.pulses <= _MOST_PULSES:
+        raise DesignError(f"drive.pulses: found {shown(drive.pulses)}, expected between 1 and {_MOST_PULSES}")
+    if drive.pulses > 1 and drive.waveform not in _DRIVE_KEYS["pulse_rate"]:
+        raise DesignError(f'drive.pulses: found {drive.pulses} with drive.waveform "{drive.waveform}", expected 1')
+    if (drive.pulses > 1) != (drive.pulse_rate is not None):
+        raise DesignError(
+            "drive.pulse_rate: missing, expected a frequency for the stimuli of a burst (drive.pulses)"
+            if drive.pulses > 1
+            else "drive.pulse_rate: found without drive.pulses, expected a burst of two stimuli or more with it"
+        )
+    if drive.fatigue_rest > 0.0 and drive.fatigue_time is None:
+        raise DesignError(
+            f"drive.fatigue_rest: found {drive.fatigue_rest:g} without drive.fatigue_time, expected both or none"
         )
 
 

@@ -54,6 +54,9 @@ OptionalViscosity = Annotated[float | None, Quantity("kPa s", 0.0)]
 Force = Annotated[float, Quantity("mN")]
 Frequency = Annotated[float, Quantity("Hz", 0.0, low_open=True)]
 PositiveTime = Annotated[float, Quantity("s", 0.0, low_open=True)]
+OptionalTime = Annotated[float | None, Quantity("s", 0.0, low_open=True)]
+OptionalFrequency = Annotated[float | None, Quantity("Hz", 0.0, low_open=True)]
+Gain = Annotated[float, Quantity("1", 0.0, low_open=True)]
 NonNegativeTime = Annotated[float, Quantity("s", 0.0)]
 Fraction = Annotated[float, Quantity("1", 0.0, 1.0)]
 Coefficient = Annotated[float, Quantity("1", 0.0)]
@@ -92,7 +95,8 @@ Reference = Literal["as_moulded", "remodelled"]
 Convention = Literal["nominal", "second_piola", "kirchhoff", "cauchy", "active_strain"]
 ForceLength = Literal["none", "blemker_2005", "gordon_1966"]
 SpreadKind = Literal["planar", "planar_von_mises", "solid"]
-Waveform = Literal["abs_sine", "constant"]
+Waveform = Literal["abs_sine", "constant", "pulse", "rc_biphasic", "twitch"]
+AmplitudeBy = Literal["given", "paper_2018", "drennan_2025"]
 OxygenUse = Literal["field", "section", "none"]
 GelFace = Literal["sealed", "permeable"]
 Immersion = Literal["air", "submerged"]
@@ -114,6 +118,8 @@ LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
     "holzapfel_ogden": ("fibre_modulus", "fibre_exponent", "fibre_dispersion"),
     "blemker": ("ground", "fibre_peak", "fibre_onset", "fibre_exponent", "optimal_stretch", "straight_stretch"),
 }
+# parameters that waveforms cannot do without
+DRIVE_NEEDS: dict[str, tuple[str, ...]] = {"pulse": ("pulse_width",), "rc_biphasic": ("pulse_width", "rc_time")}
 FIBRE_LAWS = ("guccione", "holzapfel_ogden", "blemker")
 
 
@@ -241,11 +247,29 @@ class Drive(Record, frozen=True):
     """Stimulation over time."""
 
     waveform: Waveform = Field(
-        default="abs_sine", description="abs_sine: amplitude |sin(pi f t)|; constant: the amplitude at all times"
+        default="abs_sine",
+        description="abs_sine: amplitude |sin(pi f t)|; constant: the amplitude at all times; pulse: rectangular; "
+        "rc_biphasic: two phases that decay through the electrode; twitch: measured twitches, summed",
     )
-    frequency: Frequency = Field(default=2.0, description="Strokes per second [Hz]")
+    frequency: Frequency = Field(default=2.0, description="Strokes per second: pulses, or bursts of them [Hz]")
     duration: PositiveTime = Field(default=5.0, description="Stimulated time [s]")
-    amplitude: Fraction = Field(default=1.0, description="Largest drive; 1 adds the whole active tension [1]")
+    amplitude: Fraction = Field(
+        default=1.0, description="Largest drive, of a twitch its peak; 1 adds the whole active tension [1]"
+    )
+    pulse_width: OptionalTime = Field(default=None, description="pulse: of a pulse; rc_biphasic: of a phase [s]")
+    rc_time: OptionalTime = Field(default=None, description="rc_biphasic: time of the decay within a phase [s]")
+    pulses: int = Field(default=1, description="pulse, rc_biphasic, twitch: stimuli in a burst [1]")
+    pulse_rate: OptionalFrequency = Field(default=None, description="Stimuli per second within a burst [Hz]")
+    amplitude_by: AmplitudeBy = Field(
+        default="given",
+        description="How the amplitude depends on the frequency, as a factor that is 1 at 2 Hz: given, not at all; "
+        "paper_2018, the paper's simulated forces; drennan_2025, twitches of C2C12 rings",
+    )
+    exercise: Gain = Field(default=1.0, description="Gain in force from training, an assumption of the user [1]")
+    fatigue_time: OptionalTime = Field(
+        default=None, description="Time constant with which force falls while driven, an assumption of the user [s]"
+    )
+    fatigue_rest: Fraction = Field(default=0.0, description="Share of the force that fatigue leaves in the end [1]")
 
 
 class Ground(Record, frozen=True):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from fem_biobot.study.finding import Finding
     from fem_biobot.study.reporter import Reporter
 
-Work = Callable[["Design", Path, "Reporter"], "Finding"]
+Work = Callable[["Design", Path], "Finding"]
 
 
 def drive(order: Order) -> int:
@@ -33,7 +33,7 @@ def oxygen(order: Order) -> int:
 
     size = mesh_size(order.size)
 
-    def work(design: Design, figures: Path, reporter: Reporter) -> Finding:
+    def work(design: Design, figures: Path) -> Finding:
         from fem_biobot.mesh.files import mesh_for, read_mesh
 
         if order.mesh_file is not None:
@@ -56,7 +56,7 @@ def examined(order: Order, subject: str, work: Work, *, mesh: str = "none", tiss
     subject
         Last word of the command; names the default folder too.
     work
-        Does it: the design, the folder of figures and the reporter in, a `Finding` out.
+        Does it: the design and the folder of figures in, a `Finding` out.
     mesh
         What else tells this result from another of the same design.
     tissue

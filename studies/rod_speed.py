@@ -29,9 +29,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fem_biobot.config import load_design
+from fem_biobot.design_parts import Drive
 from fem_biobot.errors import SolveError
 from fem_biobot.files import replacing
-from fem_biobot.muscle.drive import waveform
+from fem_biobot.muscle.waveforms import drive_function
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.dynamics.integrate import Integrator, Motion, Settings, dynamics
 from fem_biobot.rod.ground import ContactPoints, Ground
@@ -197,7 +198,7 @@ def closing(motion: Motion, a: Place, b: Place) -> Array:
 
 def our_motion(model: RodModel, duration: float, steps: int, settings: Settings) -> Motion:
     """Motion of our machine with so many steps to an output."""
-    drive, ground = waveform("abs_sine", FREQUENCY, 1.0), Ground(STATIC, KINETIC)
+    drive, ground = drive_function(Drive(), FREQUENCY, 1.0), Ground(STATIC, KINETIC)
     return dynamics(model, duration, OUTPUT / steps, ground=ground, drive=drive, sample_every=steps, settings=settings)
 
 
@@ -531,7 +532,7 @@ def _bot(found: Speed, level: str) -> dict[str, Work]:
     design = load_design(BOT)
     model, ground = reduce(design, beam_elements=BOT_ELEMENTS), ground_of(design)
     stood = stance(model, ground)
-    drive = waveform("abs_sine", FREQUENCY, BOT_DRIVE)
+    drive = drive_function(Drive(), FREQUENCY, BOT_DRIVE)
     short, long = (
         (name, (x, 0.0, design.beam_axis_height - height))
         for name, (x, height) in zip(("pillar_short", "pillar_long"), design.pillars, strict=True)

@@ -1,13 +1,12 @@
-"""Stimulation over time: waveforms of the drive, and how strong the muscle is at each frequency.
+"""How strong a design's muscle is, and which amplitude of the drive gives it the forces of the paper's simulation.
 
 A drive is the share of the active tension that acts, mostly between 0 and 1; more than 1 is a muscle stronger than the
-design's.
+design's. What it does over time is in `muscle.waveforms`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError
@@ -15,20 +14,6 @@ from fem_biobot.muscle.oxygenation import viable_gamma
 
 # sim_active_force in facts/seed_simulation.csv: what the paper's own simulation applied, by frequency [Hz: mN]
 PAPER_ACTIVE_FORCE = {0.5: 0.5, 1.0: 1.0, 2.0: 1.4}
-
-
-def waveform(kind: str, frequency: float, amplitude: float) -> Callable[[float], float]:
-    """Drive over time [s]: ``amplitude |sin(pi f t)|`` for abs_sine, the amplitude itself for constant.
-
-    Notes
-    -----
-    `frequency` [Hz] counts strokes; the sine itself has half of it.
-    """
-    if kind == "constant":
-        return lambda t: amplitude
-    if kind == "abs_sine":
-        return lambda t: amplitude * abs(math.sin(math.pi * frequency * t))
-    raise DesignError(f"drive.waveform: found {kind!r}, expected one of: abs_sine, constant")
 
 
 def active_force(design: Design) -> float:

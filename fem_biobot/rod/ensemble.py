@@ -178,7 +178,7 @@ def walk_ensemble(
             "duration": machine.drive.duration,
             "step": machine.numerics.step,
         }
-        given |= {"amplitude": machine.drive.amplitude, "waveform": machine.drive.waveform}
+        given |= {"amplitude": machine.drive.amplitude, "waveform": machine.drive}
         keywords = given | keywords
     assert isinstance(model, RodModel)
     keywords |= {} if frequency is None else {"frequency": frequency}

@@ -11,8 +11,9 @@ import time
 from collections.abc import Callable, Sequence
 
 from fem_biobot.design import Design
+from fem_biobot.design_parts import Drive
 from fem_biobot.errors import ModelError, SolveError
-from fem_biobot.muscle.drive import waveform as drive_waveform
+from fem_biobot.muscle.waveforms import DriveFunction, drive_function, drive_named
 from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion, Settings, dynamics
 from fem_biobot.rod.events import cut, fall, happened, joined
@@ -35,7 +36,7 @@ def walk(
     amplitude: float | None = None,
     step: float | None = None,
     ground: Ground | None = None,
-    waveform: str | None = None,
+    waveform: str | Drive | None = None,
     beam_elements: int = 16,
     plate_factor: str = "none",
     discard: int | None = None,
@@ -55,7 +56,8 @@ def walk(
         A design, reduced with `beam_elements` and `plate_factor`, or a model with contact points and muscles.
     frequency, duration, amplitude, waveform, step
         Strokes per second [Hz], driven time [s], largest drive [1], shape of the drive, time step [s]. By default the
-        design's; for a model 2 Hz, 5 s, 1, ``abs_sine`` and 1 ms.
+        design's; for a model 2 Hz, 5 s, 1, ``abs_sine`` and 1 ms. A waveform is a name, or a whole `Drive`, whose
+        own frequency and amplitude then count where none are given beside it.
     ground
         By default the design's; for a model ``Ground()``.
     discard
@@ -92,11 +94,10 @@ def walk(
         A step that cannot be made; `best` is the `Walk` up to there.
     """
     design = machine if isinstance(machine, Design) else None
-    given = design.drive if design else None
+    given = waveform if isinstance(waveform, Drive) else design.drive if design else None
     frequency = _first(frequency, given.frequency if given else 2.0)
     duration = _first(duration, given.duration if given else 5.0)
     amplitude = _first(amplitude, given.amplitude if given else 1.0)
-    waveform = waveform or (given.waveform if given else "abs_sine")
     step = _first(step, design.numerics.step if design else 1e-3)
     _check_times(frequency, duration, amplitude, step)
     if isinstance(machine, Design):
@@ -105,7 +106,9 @@ def walk(
     else:
         model, ground = machine, ground or Ground()
     anatomy(model)  # refuses what cannot walk
-    drive = drive_waveform(waveform, frequency, amplitude)
+    driven = _driven(waveform, given, frequency, amplitude)
+    driven.check_step(step)
+    drive: Callable[[float], float] = driven
     stood = start if isinstance(start, Stance) else rest
     if design is not None:
         drawn, drive = beginning(design, model, drive)
@@ -124,7 +127,8 @@ def walk(
         strokes = math.floor((motion.times[-1] - motion.times[0]) * frequency + 1e-6)
         left_out = min(math.ceil(_TRANSIENT * frequency - 1e-9), strokes // 2) if discard is None else discard
         spent = time.process_time() - clock
-        return Walk(motion, frequency, amplitude, waveform, step, left_out, stood, design, happened(motion), (), spent)
+        name = driven.description.waveform
+        return Walk(motion, frequency, driven.size, name, step, left_out, stood, design, happened(motion), (), spent)
 
     left = duration - (first if before else 0.0)
     over = not before or fall(joined(motions)) is None
@@ -153,6 +157,13 @@ def walk(
         if fallen is not None:
             break
     return made()
+
+
+def _driven(waveform: str | Drive | None, given: Drive | None, frequency: float, amplitude: float) -> DriveFunction:
+    """The drive asked for: another waveform by name, or as it is described."""
+    return drive_function(
+        drive_named(waveform) if isinstance(waveform, str) else given or Drive(), frequency, amplitude
+    )
 
 
 def _first(value: float | None, default: float) -> float:

@@ -51,7 +51,7 @@ class Finding:
     remarks: Sequence[str] = ()
 
 
-Work = Callable[[Design, Path, Reporter], Finding]
+Work = Callable[[Design, Path], Finding]
 
 
 def examine(
@@ -81,7 +81,7 @@ def examine(
     force
         Redo what is there, also another design's result.
     reporter
-        Told of stages and notes.
+        Told of what is there already.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def examine(
     began = time.perf_counter()
     folder.open()
     write_text(out / "design.toml", to_toml(design))
-    finding = work(design, figures_folder(out), reporter)
+    finding = work(design, figures_folder(out))
     write_series(out, finding)
     summary = {
         "complete": True,

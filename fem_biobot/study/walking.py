@@ -20,6 +20,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import BiobotError, DesignError, FileError, SolveError
 from fem_biobot.files import write_json, write_text
 from fem_biobot.muscle.drive import paper_amplitude
+from fem_biobot.muscle.waveforms import drive_function
 from fem_biobot.rod.compiling import compile_kernels
 from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion
 from fem_biobot.rod.gait import Walk
@@ -183,6 +184,8 @@ def _refuse(design: Design, plan: WalkPlan) -> None:
         raise DesignError(
             f"kind: found {design.kind}, expected bot or walker: only a machine with feet and muscle walks"
         )
+    for frequency in plan.frequencies:
+        drive_function(design.drive, frequency).check_step(design.numerics.step)
     period = 1.0 / max(plan.frequencies)
     if design.numerics.step > period:
         raise DesignError(
@@ -208,6 +211,9 @@ def walks_of(
         stood = _stance(model, folder, reporter, ground, design.ground.immersion)
     for frequency in plan.frequencies:
         amplitude = plan.amplitude
+        if amplitude is None and design.drive.amplitude_by != "given":
+            amplitude = design.drive.amplitude
+            note(f"drive {amplitude:.3g}, by frequency as drive.amplitude_by {design.drive.amplitude_by} has it")
         if amplitude is None:
             amplitude, source = paper_amplitude(design, frequency)
             note(f"{frequency:g} Hz: drive {amplitude:.3g}, the active force of the paper's simulation: {source}")

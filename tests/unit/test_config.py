@@ -438,6 +438,7 @@ CHANGES: dict[str, Any] = {
     "drive.waveform": "constant",
     "ground.immersion": "submerged",
     "kind": None,
+    "drive.pulses": None,
     "muscle.layout": None,
     "muscle.junction_length": None,
     "load.tip_force": None,
@@ -449,7 +450,7 @@ def test_the_digest_sees_every_key() -> None:
 
     Catches: a key left out, floats rounded before hashing.
     """
-    bot = load_design("junction_bot", ["skeleton.pillar_width=6 mm"])
+    bot = load_design("junction_bot", ["skeleton.pillar_width=6 mm", "drive.fatigue_time=20 s"])
     seen = {digest(bot)}
     changed = 0
     for name, key in keys().items():
@@ -464,6 +465,8 @@ def test_the_digest_sees_every_key() -> None:
     assert len(seen) == changed + 1
     nearest = math.nextafter(14.0, 15.0)
     assert digest(bot.with_values({"skeleton.beam_length": nearest})) != digest(bot)
+    burst = bot.with_values({"drive.waveform": "twitch", "drive.pulses": 2, "drive.pulse_rate": 9.0})
+    assert digest(burst.with_values({"drive.pulses": 3})) != digest(burst)
     wet = bot.with_values({"ground.immersion": "submerged"})
     assert digest(wet.with_values({"ground.viscosity": 0.0})) != digest(wet)
 

@@ -248,7 +248,7 @@ CHOICES = [
     ),
     ("muscle.reference", "grown", "as_moulded, remodelled"),
     ("muscle.layout", "loop", "junction, ring"),
-    ("drive.waveform", "sine", "abs_sine, constant"),
+    ("drive.waveform", "sine", "abs_sine, constant, pulse, rc_biphasic, twitch"),
     ("ground.immersion", "water", "air, submerged"),
     ("mesh.element", "P1", "P2, P2-P1"),
     ("kind", "robot", "bot, strip, cantilever, walker"),

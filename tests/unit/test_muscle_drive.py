@@ -1,4 +1,4 @@
-"""The drive: waveforms, and the amplitudes that give the printed forces."""
+"""The drive: amplitudes that give the printed forces."""
 
 from __future__ import annotations
 
@@ -13,22 +13,7 @@ from fem_biobot.muscle.drive import (
     amplitude_for_force,
     paper_active_force,
     paper_amplitude,
-    waveform,
 )
-
-
-def test_the_drive_has_f_strokes_a_second() -> None:
-    """``|sin(pi f t)|`` peaks at half a period 1 / f and vanishes at its ends.
-
-    Catches: |sin(2 pi f t)|, which has twice the strokes; an amplitude of one.
-    """
-    drive = waveform("abs_sine", 2.5, 0.7)
-    assert drive(0.2) == pytest.approx(0.7)
-    assert drive(0.4) == pytest.approx(0.0, abs=1e-12)
-    assert drive(0.1) == pytest.approx(0.7 * math.sqrt(0.5))
-    assert waveform("constant", 2.5, 0.7)(0.4) == 0.7
-    with pytest.raises(DesignError, match=r"drive\.waveform"):
-        waveform("square", 1.0, 1.0)
 
 
 def test_amplitudes_give_the_printed_forces() -> None:

@@ -190,7 +190,7 @@ def _numba() -> Part:
         place = Path(tempfile.gettempdir()) / "fem_biobot_kernels"
         return Part("numba", "missing", _why(error), command=f"export NUMBA_CACHE_DIR={place}")
     version = _version("numba")
-    stats: Any = getattr(kernels.symmetric_product, "stats", None)
+    stats: Any = getattr(kernels.tangent, "stats", None)
     if stats is None:
         return Part("numba", "instead", f"{version}, switched off by NUMBA_DISABLE_JIT: plain Python, very slow")
     state = "holds the compiled kernels" if cached() else "the first run compiles the kernels, which takes a while"

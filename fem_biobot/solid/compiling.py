@@ -18,6 +18,7 @@ from fem_biobot.solid.mixed import kernels as mixed_kernels
 from fem_biobot.solid.model import SolidModel, solve
 from fem_biobot.solid.records import Fix
 from fem_biobot.solid.space import Element
+from fem_biobot.solid.vectors import kernels as vector_kernels
 
 
 class Listener(Protocol):
@@ -30,7 +31,13 @@ class Listener(Protocol):
 
 def cached(element: Element | str = Element.P2) -> bool:
     """Whether compiled kernels newer than their sources lie on disk, those of an element included."""
-    modules = (kernels, material_kernels, tension_kernels, *((mixed_kernels,) if element == Element.P2P1 else ()))
+    modules = (
+        kernels,
+        material_kernels,
+        tension_kernels,
+        vector_kernels,
+        *((mixed_kernels,) if element == Element.P2P1 else ()),
+    )
     for module in modules:
         source = Path(str(module.__file__))
         for kernel in vars(module).values():

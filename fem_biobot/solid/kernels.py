@@ -1,4 +1,4 @@
-"""Compiled kernels of the solid: deformation gradient, internal force, tangent and the symmetric matrix-vector product.
+"""Compiled kernels of the solid: deformation gradient, internal force and tangent.
 
 Shape letters: ``e`` elements, ``q`` quadrature points, ``b`` nodes of an element, ``n`` nodes. Tensor axes first, point
 axes last, but nodal vectors are (n, 3) so that one node lies together. Symmetric tensors are packed as in
@@ -365,46 +365,3 @@ def _turn(block, other, turns, ta, tb):
                     block[i, 0] * turns[j, 0, tb] + block[i, 1] * turns[j, 1, tb] + block[i, 2] * turns[j, 2, tb]
                 )
         block[:] = other
-
-
-@njit(cache=True, nogil=True)
-def symmetric_product(starts, columns, data, x, y):
-    """Write ``y = A x`` for a symmetric matrix kept as its upper triangle by rows, the diagonal entry first."""
-    for i in range(y.shape[0]):
-        y[i] = 0.0
-    for i in range(y.shape[0]):
-        begin = starts[i]
-        xi = x[i]
-        total = data[begin] * xi
-        for p in range(begin + 1, starts[i + 1]):
-            j = columns[p]
-            total += data[p] * x[j]
-            y[j] += data[p] * xi
-        y[i] += total
-
-
-@njit(cache=True, nogil=True)
-def inner_product(x, y):
-    """Inner product of two vectors."""
-    total = 0.0
-    for i in range(x.shape[0]):
-        total += x[i] * y[i]
-    return total
-
-
-@njit(cache=True, nogil=True)
-def advance(alpha, p, Ap, x, r):
-    """Write ``x += alpha p`` and ``r -= alpha Ap``; returns the squared norm of the new `r`."""
-    total = 0.0
-    for i in range(x.shape[0]):
-        x[i] += alpha * p[i]
-        r[i] -= alpha * Ap[i]
-        total += r[i] * r[i]
-    return total
-
-
-@njit(cache=True, nogil=True)
-def add_scaled(z, beta, p):
-    """Write ``p = z + beta p``."""
-    for i in range(p.shape[0]):
-        p[i] = z[i] + beta * p[i]

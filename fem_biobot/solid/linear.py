@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
-from fem_biobot.solid.kernels import add_scaled, advance, inner_product, symmetric_product
+from fem_biobot.solid.mixed.kernels import symmetric_product
 from fem_biobot.solid.pattern import Pattern
 from fem_biobot.solid.unsymmetric.kernels import add_skew_product, add_to
+from fem_biobot.solid.vectors.kernels import add_scaled, advance, inner_product, node_product
 
 Array = NDArray[np.float64]
 
@@ -254,11 +255,15 @@ def has_negative_eigenvalue(factor: Factorisation, pattern: Pattern) -> bool:
 def product(pattern: Pattern, data: Array, x: Array) -> Array:
     """Matrix times vector, (dofs,); `data` as the upper triangle, or (2, entries) without symmetry."""
     y = np.empty(pattern.n_dofs)
-    even = data if data.ndim == 1 else data[0]
-    symmetric_product(pattern.starts, pattern.columns, even, x, y)
+    _write_product(pattern, data if data.ndim == 1 else data[0], x, y)
     if data.ndim == 2:
         add_skew_product(pattern.starts, pattern.columns, data[1], x, y)
     return y
+
+
+def _write_product(pattern: Pattern, data: Array, x: Array, y: Array) -> None:
+    write = symmetric_product if pattern.n_pressures else node_product
+    write(pattern.starts, pattern.columns, data, x, y)
 
 
 def conjugate_gradients(
@@ -304,7 +309,7 @@ def conjugate_gradients(
     p = z.copy()
     rz = inner_product(r, z)
     for iteration in range(1, max_iterations + 1):
-        symmetric_product(pattern.starts, pattern.columns, data, p, Ap)
+        _write_product(pattern, data, p, Ap)
         curvature = inner_product(p, Ap)
         if not curvature > 0.0:
             raise NotPositiveDefiniteError

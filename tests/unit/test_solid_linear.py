@@ -19,9 +19,11 @@ from fem_biobot.solid.linear import (
     factorisation,
     pardiso_missing,
 )
+from fem_biobot.solid.mixed.kernels import symmetric_product
 from fem_biobot.solid.model import SolidModel, linear_solver, solve
 from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.pattern import Pattern, pattern
+from fem_biobot.solid.vectors.kernels import node_product
 from tests.helpers import TIGHT, box_mesh, generator, on_three_corners, unchanged, unit
 
 MODEL = SolidModel(
@@ -74,6 +76,22 @@ def test_the_factor_solves_and_can_be_renewed(kind: type) -> None:
             x = factor.solve(b)
         expected = np.linalg.solve(_full(data), b)
         np.testing.assert_allclose(x, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_the_products_are_those_of_the_whole_matrix(compiled: bool) -> None:
+    """By blocks and by rows, with entries in double and in single precision, compiled and as plain Python.
+
+    Catches: a block taken for its transpose, the last block or the node's own left out, sums in single precision.
+    """
+    data, x = _stiffness(), generator(3).normal(size=PATTERN.n_dofs)
+    data += generator(5).normal(size=data.shape)  # no block of it is symmetric
+    single = data.astype(np.float32)
+    for product, values in ((node_product, data), (node_product, single), (symmetric_product, data)):
+        y = np.full_like(x, np.nan)
+        write = product if compiled else getattr(product, "py_func", product)
+        write(PATTERN.starts, PATTERN.columns, values, x, y)
+        np.testing.assert_allclose(y, _full(values.astype(float)) @ x, rtol=0.0, atol=1e-12 * np.abs(y).max())
 
 
 @needs_pardiso

@@ -223,3 +223,19 @@ def coupling(
                     data[at] += row[0]
                     data[at + length - 1] += row[1]
                     data[at + 2 * length - 3] += row[2]
+
+
+@njit(cache=True, nogil=True)
+def symmetric_product(starts, columns, data, x, y):
+    """Write ``y = A x`` for a symmetric matrix kept as its upper triangle by rows, the diagonal entry first."""
+    for i in range(y.shape[0]):
+        y[i] = 0.0
+    for i in range(y.shape[0]):
+        begin = starts[i]
+        xi = x[i]
+        total = data[begin] * xi
+        for p in range(begin + 1, starts[i + 1]):
+            j = columns[p]
+            total += data[p] * x[j]
+            y[j] += data[p] * xi
+        y[i] += total

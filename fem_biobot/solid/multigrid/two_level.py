@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fem_biobot.solid.kernels import inner_product, symmetric_product
 from fem_biobot.solid.linear import Factorisation, NotPositiveDefiniteError, factorisation
 from fem_biobot.solid.multigrid import kernels
 from fem_biobot.solid.pattern import Pattern, pattern
+from fem_biobot.solid.vectors.kernels import inner_product, node_product
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,7 +56,7 @@ class TwoLevel:
         self.blocked = np.zeros(3 * n, dtype=np.int64)
         self.blocked[held] = 1
         self.coarse = pattern(nodes[:4], n_vertices)
-        self._data = np.zeros(0)
+        self._data = np.zeros(0, dtype=np.float32)
         self._coarse_data = np.zeros(len(self.coarse.columns))
         self._factor: Factorisation = factorisation(self.coarse)
         self._inverse = np.zeros((n, 3, 3))
@@ -64,9 +64,9 @@ class TwoLevel:
         self._largest = 0.0
 
     def renew(self, data: Array) -> None:
-        """Prepare for the matrix with these upper-triangle values, kept by reference; may raise
-        `NotPositiveDefiniteError`."""
-        self._data = data
+        """Prepare for the matrix with these upper-triangle values; may raise `NotPositiveDefiniteError`."""
+        # half the digits are enough for what only preconditions, and half the memory is read at every product
+        self._data = data.astype(np.float32)
         c = self.coarse
         kernels.coarsen(
             self.fine.starts, self.fine.columns, data, self.blocked, self.parents, self.turned, self.axes, c.starts,
@@ -91,7 +91,7 @@ class TwoLevel:
 
     def _product(self, x: Array) -> Array:
         y = np.empty_like(x)
-        symmetric_product(self.fine.starts, self.fine.columns, self._data, x, y)
+        node_product(self.fine.starts, self.fine.columns, self._data, x, y)
         return y
 
     def _smooth(self, x: Array, r: Array) -> None:

@@ -1,0 +1,1 @@
+"""Compiled products of the sparse matrix with vectors, and sums of vectors."""

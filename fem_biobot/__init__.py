@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from fem_biobot.solid.from_design import tension_step
     from fem_biobot.solid.measures import measures
     from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
-    from fem_biobot.solid.records import BodyForce, Fix, Foundation, Pressure, Step, Symmetry, Traction
+    from fem_biobot.solid.records import BodyForce, Fix, Foundation, Pressure, Rotate, Step, Symmetry, Traction
     from fem_biobot.study.run import run
     from fem_biobot.vtk import write_pvd, write_vtu
 
@@ -113,7 +113,7 @@ _HOMES = {
     "solid.from_design": ("tension_step",),
     "solid.measures": ("measures",),
     "solid.model": ("SolidModel", "SolidSolution", "SolidState", "solve"),
-    "solid.records": ("BodyForce", "Fix", "Foundation", "Pressure", "Step", "Symmetry", "Traction"),
+    "solid.records": ("BodyForce", "Fix", "Foundation", "Pressure", "Rotate", "Step", "Symmetry", "Traction"),
     "study.run": ("run",),
     "vtk": ("write_pvd", "write_vtu"),
 }
@@ -164,6 +164,7 @@ __all__ = [
     "RodSolution",
     "RodState",
     "RodStep",
+    "Rotate",
     "Section",
     "SolidModel",
     "SolidSolution",

@@ -53,6 +53,10 @@ class SolveError(BiobotError):
         What was reached before the failure (a solution with the converged states), or None.
     reason, reached, wanted
         Why the last try failed, and the steps between which it lies, where a path of steps failed.
+    why, element, failed_at
+        The reason as a word, the element that it happened in (or None), and the step tried last.
+    iterate
+        The iterate with the least residual of that step, as a state that is no equilibrium, or None.
     buckling
         Critical factors and mode of a body that lost its stability, or None.
     """
@@ -65,11 +69,32 @@ class SolveError(BiobotError):
         best: Any = None,
         *,
         reason: str = "",
+        why: str = "",
+        element: int | None = None,
         reached: Any = None,
+        failed_at: Any = None,
         wanted: Any = None,
         buckling: Any = None,
+        iterate: Any = None,
     ) -> None:
         super().__init__(message)
         self.best = best
         self.reason, self.reached, self.wanted = reason, reached, wanted
+        self.why, self.element, self.failed_at = why, element, failed_at
+        self.iterate = iterate
         self.buckling = buckling
+
+    def retold(self, message: str) -> SolveError:
+        """The same failure in other words."""
+        return SolveError(
+            message,
+            self.best,
+            reason=self.reason,
+            why=self.why,
+            element=self.element,
+            reached=self.reached,
+            failed_at=self.failed_at,
+            wanted=self.wanted,
+            buckling=self.buckling,
+            iterate=self.iterate,
+        )

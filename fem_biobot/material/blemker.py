@@ -135,7 +135,8 @@ def _squared_arcosh(y: Array) -> tuple[Array, Array, Array]:
     near = np.abs(x) < _NEAR
     # below 1 by rounding only; further down there is no such deformation
     if np.any(~near & (x < 0.0)):
-        raise OutsideLawError(f"Blemker: found a shear across the fibre of cosine {np.min(y):.4g}, expected at least 1")
+        text = f"Blemker: found a shear across the fibre of cosine {np.min(y):.4g}, expected at least 1"
+        raise OutsideLawError(text, int(np.argmin(y)))
     far = np.where(near, 1.0, x)
     root = np.sqrt(far * (far + 2.0))
     angle = np.arccosh(1.0 + far)

@@ -39,7 +39,8 @@ class Gent(Isochoric):
         largest = float(np.max(x)) if x.size else 0.0
         if not largest < limit:
             raise OutsideLawError(
-                f"Gent: found J^(-2/3) I1 - 3 = {largest:.4g}, expected below chain_limit ({limit:g})"
+                f"Gent: found J^(-2/3) I1 - 3 = {largest:.4g}, expected below chain_limit ({limit:g})",
+                int(np.argmax(x)),
             )
         left = 1.0 - x / limit
         return Scalars(-half * limit * np.log(left), {1: half / left}, {(1, 1): half / (limit * left**2)})

@@ -64,7 +64,8 @@ class Guccione(Isochoric):
         Q = alpha * u * u + beta * v + bt * w
         largest = float(np.max(Q)) if Q.size else 0.0
         if not largest < _LARGEST:
-            raise OutsideLawError(f"Guccione: found an exponent of {largest:.4g}, expected below {_LARGEST:g}")
+            text = f"Guccione: found an exponent of {largest:.4g}, expected below {_LARGEST:g}"
+            raise OutsideLawError(text, int(np.argmax(Q)))
         slopes = {1: 0.5 * bt * (bar[1] - 1.0), 2: -0.5 * bt, 4: alpha * u - 0.5 * beta, 5: 0.25 * beta}
         bends = {(1, 1): 0.5 * bt, (4, 4): 0.5 * alpha}
         c = self.mu / bt  # half of the paper's 2 mu / bt

@@ -63,7 +63,8 @@ class HolzapfelOgden(Isochoric):
         e = np.maximum(d * (full[1] - 3.0) + (1.0 - 3.0 * d) * (full[4] - 1.0), 0.0)
         largest = float(k2 * np.max(e) ** 2) if e.size else 0.0
         if not largest < _LARGEST:
-            raise OutsideLawError(f"Holzapfel-Ogden: found an exponent of {largest:.4g}, expected below {_LARGEST:g}")
+            text = f"Holzapfel-Ogden: found an exponent of {largest:.4g}, expected below {_LARGEST:g}"
+            raise OutsideLawError(text, int(np.argmax(e)))
         grown = np.exp(k2 * e * e)
         slope = k1 * e * grown
         bend = np.where(e > 0.0, k1 * grown * (1.0 + 2.0 * k2 * e * e), 0.0)

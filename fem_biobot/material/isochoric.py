@@ -18,7 +18,7 @@ from fem_biobot.errors import ModelError
 from fem_biobot.material.fibre_tension import check_unit
 from fem_biobot.material.hyperelastic.kernels import add_invariant_points, invariants
 from fem_biobot.material.invariants import Derivatives, Scalars
-from fem_biobot.material.law import Array, Law, lame
+from fem_biobot.material.law import Array, Law, OutsideLawError, lame
 from fem_biobot.material.volume import QUADRATIC, Volumetric, check_compressible
 
 _NO_FIBRES = np.zeros((3, 0))
@@ -194,5 +194,10 @@ def _add(law: Isochoric, F: Array, elements: np.ndarray, bulk: float, S: Array, 
             raise ModelError(f"a0: found fibres of {a0.shape[1]} elements, expected 1 or {F.shape[2]}")
     values = np.empty((3 if law.isotropic else 5, len(elements), F.shape[3]))
     invariants(F, elements, a0, values)
-    found = _derivatives(law, values, bulk)
+    try:
+        found = _derivatives(law, values, bulk)
+    except OutsideLawError as error:
+        if error.point is not None:
+            error.element = int(elements[error.point // F.shape[3]])
+        raise
     add_invariant_points(F, elements, a0, found.energy, found.first, found.second, S, D, psi)

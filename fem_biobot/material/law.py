@@ -48,7 +48,20 @@ PAIRS: tuple[tuple[int, int], ...] = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0
 
 
 class OutsideLawError(ModelError):
-    """A point is deformed beyond where the law has an energy (chains pulled out); a solver takes a smaller step."""
+    """A point is deformed beyond where the law has an energy (chains pulled out); a solver takes a smaller step.
+
+    Attributes
+    ----------
+    point
+        Number of the worst point among those that the law was asked for, in one row, or None.
+    element
+        The mesh's element that it lies in, where that is known.
+    """
+
+    def __init__(self, message: str, point: int | None = None) -> None:
+        super().__init__(message)
+        self.point = point
+        self.element: int | None = None
 
 
 @runtime_checkable

@@ -14,7 +14,7 @@ from fem_biobot.material.law import Law, is_symmetric
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid import kernels
 from fem_biobot.solid.held import Held, held
-from fem_biobot.solid.loading import dead_load
+from fem_biobot.solid.loading import dead_loads
 from fem_biobot.solid.mixed.equations import equations
 from fem_biobot.solid.mixed.pressure import Part, check_same_regions, pressure_field, split_laws
 from fem_biobot.solid.moduli import poisson_ratio, rest_moduli
@@ -57,7 +57,7 @@ def assemble_system(
     fixed[held_nodes.dofs] = True
     rows = np.repeat(np.arange(sparsity.n_dofs), np.diff(sparsity.starts))
     blocked = np.flatnonzero(fixed[rows] | fixed[sparsity.columns])
-    force = dead_load(mesh, body, loads)
+    force = dead_loads(mesh, body, loads)
     springs = [elastic_foundation(mesh, body, each) for each in supports if isinstance(each, Foundation)]
     pressures = [follower_pressure(mesh, body, each) for each in loads if isinstance(each, Pressure) and each.follower]
     following = [(term, scatter(term.facets, sparsity, held_nodes)) for term in pressures]
@@ -158,4 +158,4 @@ def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress, l
     tension[elements] = np.asarray(muscle.tension).reshape(-1, 1)
     a0[:, elements] = muscle.a0.reshape(3, -1, 1)
     rise = float(tension.max()) / (3.0 * shear)
-    return Contraction(elements, tension, a0, rise, active_law(muscle, n, elements, law))
+    return Contraction(elements, name, tension, a0, rise, active_law(muscle, n, elements, law))

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import sparse
 
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.records import Array, Fix, Foundation, Support, Symmetry, components, numbers
+from fem_biobot.solid.prescribed import Mover, Prescribed
+from fem_biobot.solid.records import (
+    Array,
+    Fix,
+    Foundation,
+    Rotate,
+    Step,
+    Support,
+    Symmetry,
+    components,
+    drive_name,
+    numbers,
+)
 from fem_biobot.solid.space import Ints, Space
 
 
@@ -21,8 +34,8 @@ class Held:
     ----------
     dofs
         Held unknowns, numbered 3 node + local axis, (k,).
-    values
-        Displacement along each at load factor 1, (k,) [mm].
+    prescribed
+        Displacement along each at a step.
     turned
         For every node the number of its own axes, or -1, (n,).
     axes
@@ -30,9 +43,13 @@ class Held:
     """
 
     dofs: Ints
-    values: Array
+    prescribed: Prescribed
     turned: Ints
     axes: Array
+
+    def at(self, step: float | Step) -> Array:
+        """Displacement along each held unknown at a step, (k,) [mm]."""
+        return self.prescribed.at(step)
 
     def to_local(self, v: Array) -> Array:
         """Global components (n, 3) to local ones."""
@@ -62,51 +79,108 @@ def held(mesh: BodyMesh, body: Space, supports: Sequence[Support]) -> Held:
         Unknown place, contradicting values at a node, a surface that is not plane under `Symmetry`, or supports that
         leave a rigid motion free.
     """
-    directions: dict[int, list[tuple[Array, float]]] = {}
+    rows = _Rows()
     springs: list[tuple[Ints, Array]] = []
     for support in supports:
         if isinstance(support, Foundation):
             springs.extend(_spring_rows(mesh, body, support))
-            continue
-        nodes, axes, which, values = _directions(mesh, body, support)
-        for column, node in enumerate(nodes):
-            rows = directions.setdefault(int(node), [])
-            rows.extend((axes[c], values[row, column]) for row, c in enumerate(which))
+        else:
+            rows.add(support, body, *_directions(mesh, body, support))
     dofs: list[int] = []
-    targets: list[float] = []
+    combine, left = _Entries(), _Entries()
     turned = np.full(body.n_nodes, -1, dtype=np.int64)
     own_axes: list[Array] = []
-    for node, rows in directions.items():
-        C = np.array([d for d, _ in rows])
-        v = np.array([x for _, x in rows])
+    for node, mine in rows.of_node.items():
+        C = np.array([rows.direction[r] for r in mine])
         along = np.abs(C) > 1.0 - 1e-12
         if np.all(along.any(axis=1)):  # every direction is a global axis
             for c in range(3):
-                mine = along[:, c]
-                if mine.any():
-                    wanted = v[mine] * C[mine, c]
-                    _agree(mesh, body, node, wanted)
+                same = np.flatnonzero(along[:, c])
+                if same.size:
+                    combine.add(len(dofs), [mine[same[0]]], C[same[:1], c])
+                    for other in same[1:]:
+                        left.add(mine[other], [mine[other], mine[same[0]]], np.array([C[other, c], -C[same[0], c]]))
                     dofs.append(3 * node + c)
-                    targets.append(float(wanted[0]))
             continue
         _, sizes, Vt = np.linalg.svd(C)
         rank = int(np.sum(sizes > 1e-10))
-        solution, *_ = np.linalg.lstsq(C, v, rcond=None)
-        _agree(mesh, body, node, C @ solution - v, zero=True)
+        inverse = np.linalg.pinv(C, rcond=1e-10)
+        for row, weights in zip(mine, C @ inverse - np.eye(len(mine)), strict=True):
+            if np.abs(weights).max() > 1e-12:
+                left.add(row, mine, weights)
+        for c in range(rank):
+            combine.add(len(dofs) + c, mine, Vt[c] @ inverse)
         turned[node] = len(own_axes)
         own_axes.append(Vt)
         dofs.extend(3 * node + c for c in range(rank))
-        targets.extend(float(x) for x in (Vt @ solution)[:rank])
     order = np.argsort(dofs)
     axes = np.stack(own_axes, axis=-1) if own_axes else np.zeros((3, 3, 1))
+    n = len(rows.direction)
+    prescribed = Prescribed(
+        tuple(rows.movers),
+        combine.matrix(len(dofs), n)[order],
+        left.matrix(n, n),
+        body.points[:, np.array(rows.node, dtype=np.int64)],
+        float(np.ptp(mesh.points, axis=1).max()),
+    )
     found = Held(
         np.array(dofs, dtype=np.int64)[order] if dofs else np.zeros(0, dtype=np.int64),
-        np.array(targets, dtype=float)[order] if dofs else np.zeros(0),
+        prescribed.checked(),
         turned,
         np.ascontiguousarray(axes),
     )
     _refuse_rigid_motion(body, found, springs)
     return found
+
+
+@dataclass
+class _Rows:
+    """Directions in which supports hold nodes, one after the other, and who asks what along them."""
+
+    node: list[int] = field(default_factory=list)
+    direction: list[Array] = field(default_factory=list)
+    of_node: dict[int, list[int]] = field(default_factory=dict)
+    movers: list[Mover] = field(default_factory=list)
+
+    def add(
+        self,
+        support: Fix | Rotate | Symmetry,
+        body: Space,
+        nodes: Ints,
+        axes: Array,
+        which: Sequence[int],
+        value: Array,
+    ) -> None:
+        first = len(self.node)
+        for node in nodes:
+            for c in which:
+                self.of_node.setdefault(int(node), []).append(len(self.node))
+                self.node.append(int(node))
+                self.direction.append(axes[c])
+        name = "" if isinstance(support, Symmetry) else drive_name(support)
+        rows, values = np.arange(first, len(self.node)), np.ascontiguousarray(value.T).ravel()
+        if isinstance(support, Rotate):
+            X, along = np.repeat(body.points[:, nodes], len(which), axis=1), np.array(self.direction[first:]).T
+            self.movers.append(Mover(name, rows, values, support, X, along))
+        else:
+            self.movers.append(Mover(name, rows, values))
+
+
+class _Entries:
+    """Entries of a sparse matrix, row by row."""
+
+    def __init__(self) -> None:
+        self._rows: list[int] = []
+        self._columns: list[int] = []
+        self._values: list[float] = []
+
+    def add(self, row: int, columns: Sequence[int], values: Array) -> None:
+        self._rows.extend([row] * len(columns))
+        self._columns.extend(columns)
+        self._values.extend(float(v) for v in values)
+
+    def matrix(self, n_rows: int, n_columns: int) -> sparse.csr_matrix:
+        return sparse.csr_matrix((self._values, (self._rows, self._columns)), shape=(n_rows, n_columns))
 
 
 def _spring_rows(mesh: BodyMesh, body: Space, support: Foundation) -> list[tuple[Ints, Array]]:
@@ -129,13 +203,18 @@ def _spring_rows(mesh: BodyMesh, body: Space, support: Foundation) -> list[tuple
     return []
 
 
-def _directions(mesh: BodyMesh, body: Space, support: Fix | Symmetry) -> tuple[Ints, Array, tuple[int, ...], Array]:
-    """Nodes, axes (rows), the axes held, and the displacement along each at each node, (held, nodes)."""
+def _directions(
+    mesh: BodyMesh, body: Space, support: Fix | Rotate | Symmetry
+) -> tuple[Ints, Array, tuple[int, ...], Array]:
+    """Nodes, axes (rows), the axes held, and the displacement along each at each node at factor 1, (held, nodes)."""
     if isinstance(support, Symmetry):
         nodes = place_nodes(mesh, body, support.surface)
         normal = _plane_normal(mesh, support.surface)
         return nodes, normal[None, :], (0,), np.zeros((1, len(nodes)))
     nodes = place_nodes(mesh, body, support.where)
+    if isinstance(support, Rotate):
+        axes, which = _screw_axes(support), (0, 1, 2)[: 2 if support.advance is None else 3]
+        return nodes, axes, which, (axes @ support.displacement(body.points[:, nodes], 1.0))[list(which)]
     which = components(support.components)
     axes = np.eye(3) if support.axes is None else np.asarray(support.axes, dtype=float)
     if callable(support.value):
@@ -189,14 +268,17 @@ def _plane_normal(mesh: BodyMesh, name: str) -> Array:
     return np.eye(3)[c] if abs(normal[c]) > 1.0 - 1e-12 else normal
 
 
-def _agree(mesh: BodyMesh, body: Space, node: int, values: Array, zero: bool = False) -> None:
-    scale = np.ptp(mesh.points, axis=1).max()
-    gap = np.abs(values).max() if zero else np.ptp(values)
-    if gap > 1e-9 * scale:
-        x, y, z = body.points[:, node]
-        raise ModelError(
-            f"supports: found contradicting displacements at ({x:.4g}, {y:.4g}, {z:.4g}) mm, expected one value"
-        )
+def _screw_axes(support: Rotate) -> Array:
+    """Two directions across the axis of a rotation, then the axis, as rows; global axes where they may be."""
+    axis = np.asarray(support.axis, dtype=float) / np.linalg.norm(support.axis)
+    c = int(np.argmax(np.abs(axis)))
+    if support.advance is not None:
+        return np.eye(3)
+    if abs(axis[c]) > 1.0 - 1e-12:
+        return np.eye(3)[[(c + 1) % 3, (c + 2) % 3, c]]
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first), axis]).astype(np.float64)
 
 
 def _refuse_rigid_motion(body: Space, found: Held, springs: list[tuple[Ints, Array]]) -> None:

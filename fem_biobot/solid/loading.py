@@ -11,7 +11,7 @@ from skfem.refdom import RefTet, RefTri
 
 from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.records import Array, BodyForce, Load, Pressure, Traction, numbers
+from fem_biobot.solid.records import Array, BodyForce, Load, Pressure, Traction, drive_name, numbers
 from fem_biobot.solid.space import Space
 from fem_biobot.solid.surfaces import follower_pressure
 
@@ -19,20 +19,22 @@ from fem_biobot.solid.surfaces import follower_pressure
 _DEGREE = 6
 
 
-def dead_load(mesh: BodyMesh, body: Space, loads: Sequence[Load]) -> Array:
-    """Nodal forces of all loads but follower pressures at load factor 1, (n, 3) [mN]."""
-    force = np.zeros((body.n_nodes, 3))
+def dead_loads(mesh: BodyMesh, body: Space, loads: Sequence[Load]) -> tuple[tuple[str, Array], ...]:
+    """Nodal forces of all loads but follower pressures at load factor 1, (n, 3) [mN], each with the name driving it."""
+    found: dict[str, Array] = {}
     for load in loads:
+        if not isinstance(load, Load):
+            raise ModelError(f"loads: found {type(load).__name__}, expected Traction, Pressure or BodyForce")
+        if isinstance(load, Pressure) and load.follower:
+            continue
+        force = found.setdefault(drive_name(load), np.zeros((body.n_nodes, 3)))
         if isinstance(load, Traction):
             _add_traction(mesh, body, load, force)
         elif isinstance(load, BodyForce):
             _add_body_force(mesh, body, load, force)
-        elif isinstance(load, Pressure):
-            if not load.follower:
-                force += follower_pressure(mesh, body, load).force(np.zeros_like(force))
         else:
-            raise ModelError(f"loads: found {type(load).__name__}, expected Traction, Pressure or BodyForce")
-    return force
+            force += follower_pressure(mesh, body, load).force(np.zeros_like(force))
+    return tuple(found.items())
 
 
 def _field(value: Callable[[Array], Array] | Sequence[float], X: Array, what: str) -> Array:

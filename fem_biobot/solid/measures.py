@@ -21,8 +21,9 @@ from fem_biobot.material.active_strain import ActiveStrain
 from fem_biobot.material.law import PAIRS, Array, add_law, inverse, is_symmetric, volume_ratio
 from fem_biobot.muscle.fibres import in_junction, junction_blocks
 from fem_biobot.solid.from_design import tension_unit
-from fem_biobot.solid.model import SolidModel, SolidState, interpolation
+from fem_biobot.solid.model import SolidModel, SolidState
 from fem_biobot.solid.space import Space
+from fem_biobot.solid.state import interpolation
 from fem_biobot.solid.stress import Probe, ball, cauchy_stress, probe, von_mises
 
 BALL_RADIUS = 0.3  # mm, fixed for every mesh and design so that numbers compare

@@ -20,14 +20,18 @@ from fem_biobot.material.active import ActiveStress
 from fem_biobot.material.law import Array, Law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.assembly import assemble_system, with_laws
-from fem_biobot.solid.held import place_nodes
+from fem_biobot.solid.failure import advice, concerned, told
 from fem_biobot.solid.newton import Counts, Equilibrium, NewtonSettings, StepSolver, Trial
 from fem_biobot.solid.path import PathFailedError, equilibria
 from fem_biobot.solid.records import Load, Step, Support, as_step
 from fem_biobot.solid.solvers import direct_solver, linear_solver
-from fem_biobot.solid.space import Element, Ints, LockingWarning
+from fem_biobot.solid.space import Element, LockingWarning
 from fem_biobot.solid.stability import Buckling, critical, lost_stability
-from fem_biobot.solid.system import Points, System
+from fem_biobot.solid.state import SolidState
+from fem_biobot.solid.step_failed import Iterate
+from fem_biobot.solid.system import System
+
+__all__ = ["SolidModel", "SolidSolution", "SolidState", "StateObserver", "buckling", "solve"]
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -111,115 +115,10 @@ class SolidModel:
 
 
 @dataclass(frozen=True)
-class SolidState:
-    """One equilibrium.
-
-    Attributes
-    ----------
-    model
-        What it is a state of.
-    step
-        Load and tension factors.
-    u
-        Displacement of the nodes, vertices first, (3, n) [mm].
-    pressure
-        Pressures of the mixed form, positive in tension, (m,) [kPa], zero if left out; see `pressure_points`.
-    residual
-        Norm of the residual over the force scale [1].
-    newton_iterations, factorisations, cg_iterations
-        Work from the state before to this one, halved steps included.
-    """
-
-    model: SolidModel
-    step: Step
-    u: Array
-    residual: float = 0.0
-    newton_iterations: int = 0
-    factorisations: int = 0
-    cg_iterations: int = 0
-    pressure: Array | None = None
-
-    @property
-    def X(self) -> Array:
-        """Reference positions of the nodes, vertices first, (3, n) [mm]."""
-        return self.model.system.space.points
-
-    @property
-    def cells(self) -> Ints:
-        """Nodes of each element in VTK's order for quadratic tetrahedra, (10, e)."""
-        return self.model.system.space.nodes
-
-    @property
-    def pressure_points(self) -> Array:
-        """Reference positions of the pressures, region by region, (3, m) [mm]; none but in the mixed form."""
-        mixed = self.model.system.mixed
-        return self.X[:, mixed.field.vertex] if mixed else np.zeros((3, 0))
-
-    @cached_property
-    def F(self) -> Array:
-        """Deformation gradient at the quadrature points, (3, 3, e, q) [1]."""
-        return self.model.system.deformation_gradient(np.ascontiguousarray(self.u.T))
-
-    @cached_property
-    def points(self) -> Points:
-        """Stress and energy of passive laws and active tension together, at the quadrature points (no moduli)."""
-        return self.model.system.points(self.F, self.step.tension, self.pressure, moduli=False)
-
-    @cached_property
-    def internal_force(self) -> Array:
-        """Internal force at the nodes, (3, n) [mN]."""
-        return self.model.system.internal_force(self.points)[0].T
-
-    @cached_property
-    def stretch(self) -> Array:
-        """Fibre stretch at the quadrature points, (e, q) [1]; not a number where a region has no fibres."""
-        out = np.full(self.model.system.space.dV.shape, np.nan)
-        for c in self.model.system.contractions:
-            a = np.einsum("ik...,k...->i...", self.F[:, :, c.elements], c.a0[:, c.elements])
-            out[c.elements] = np.sqrt(np.einsum("i...,i...->...", a, a))
-        return out
-
-    @cached_property
-    def energy(self) -> float:
-        """Passive strain energy of the whole body [uJ]; the muscle's work is a separate number."""
-        passive = self.model.system.points(self.F, 0.0, self.pressure, moduli=False)
-        return float(np.sum(passive.psi * self.model.system.space.dV))
-
-    def reaction(self, where: str | tuple[float, float, float]) -> Array:
-        """Force that the support at a named surface, landmark or vertex exerts on the body, (3,) [mN]."""
-        model = self.model
-        nodes = place_nodes(model.mesh, model.system.space, where)
-        f_ext = model.system.external_force(np.ascontiguousarray(self.u.T), self.step.load).T
-        return (self.internal_force - f_ext)[:, nodes].sum(axis=1)
-
-    def at(self, point: Sequence[float]) -> Array:
-        """Displacement at a reference position, (3,) [mm]; refuses a position outside the body."""
-        return self.u[:, :] @ interpolation(self.model.system, np.asarray(point, dtype=float))
-
-
-def interpolation(system: System, X: Array) -> Array:
-    """Weights of all nodes whose sum gives the field at reference position `X`, (n,)."""
-    space = system.space
-    corners = space.points[:, space.nodes[:4]]  # (3, 4, e)
-    local = np.einsum("ijk,jk->ik", space.to_reference, X[:, None] - corners[:, 0])
-    barycentric = np.concatenate([1.0 - local.sum(axis=0, keepdims=True), local])
-    worst = barycentric.min(axis=0)
-    element = int(np.argmax(worst))
-    if worst[element] < -1e-6:
-        raise ModelError(f"point {tuple(np.round(X, 6))} mm: found outside the body, expected a position inside")
-    weights = np.zeros(space.n_nodes)
-    xi = local[:, element].reshape(3, 1)
-    shape = space.shape
-    for b, node in enumerate(space.nodes[:, element]):
-        weights[node] += float(np.ravel(shape.lbasis(xi, b)[0])[0])
-    return weights
-
-
-@dataclass(frozen=True)
 class SolidSolution:
     """All states asked for, in order, and what the solve took.
 
-    `stretch`, `energy`, `reaction` and `at` speak of the last state.
+    `stretch`, `energy`, `reaction`, `reaction_moment` and `at` speak of the last state.
     """
 
     states: tuple[SolidState, ...]
@@ -248,6 +147,12 @@ class SolidSolution:
         """Reaction of the last state, (3,) [mN]."""
         return self.last.reaction(where)
 
+    def reaction_moment(
+        self, where: str | tuple[float, float, float], about: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> Array:
+        """Moment of the last state's reaction about a fixed point [mm], (3,) [uJ]."""
+        return self.last.reaction_moment(where, about)
+
     def at(self, point: Sequence[float]) -> Array:
         """Displacement of the last state at a reference position, (3,) [mm]."""
         return self.last.at(point)
@@ -258,7 +163,7 @@ StateObserver = Callable[[str, dict[str, float]], None]
 
 def solve(
     model: SolidModel,
-    steps: Iterable[float | Step] = (1.0,),
+    steps: Iterable[float | Mapping[str, float] | Step] = (1.0,),
     *,
     settings: NewtonSettings | None = None,
     start: Sequence[SolidState] = (),
@@ -272,8 +177,9 @@ def solve(
     Parameters
     ----------
     steps
-        States asked for: `Step` records, or numbers that scale loads and tension alike. Steps that do not converge are
-        halved on the way.
+        States asked for: `Step` records, which may drive muscles and loads each on its own; numbers, which scale loads
+        and tension alike; or mappings from regions to tension factors, under full load. Steps that do not converge
+        are halved on the way.
     settings
         Tolerance and limits.
     start
@@ -293,13 +199,16 @@ def solve(
 
     Raises
     ------
+    ModelError
+        Where a step names a muscle or a load that the model does not have, or supports contradict each other there.
     SolveError
         Where a step finds no equilibrium however small it is made; its `best` is the solution up to there, and its
-        `buckling` the critical factors and the mode where the body loses its stability.
+        `buckling` the critical factors and the mode where the body loses its stability, its `why` one of
+        `solid.newton.Why`, its `element` where that happened, its `iterate` the best try of the step that failed.
     """
     system = model.system
     settings = settings or NewtonSettings()
-    wanted = [as_step(s) for s in steps]
+    wanted = [_checked_step(system, as_step(s)) for s in steps]
     solver = solver or linear_solver(model, settings)
     before = solver.counts.copy()
     states: list[SolidState] = []
@@ -323,19 +232,25 @@ def solve(
             if on_state:
                 on_state(states[-1])
     except PathFailedError as failure:
-        done, lost = finished(), lost_stability(system, solver, failure.last, failure.unstable_at)
+        element = concerned(system, failure)
+        at = failure.failed_at if failure.failure.unstable and failure.failed_at != failure.last.step else None
+        lost, best = lost_stability(system, solver, failure.last, at), failure.failure.best
         raise SolveError(
-            _advice(failure, lost),
-            done,
-            reason=str(failure),
+            advice(failure, model.mesh, element, lost),
+            finished(),
+            reason=told(failure, model.mesh, element),
+            why=failure.failure.why,
+            element=element,
             reached=failure.last.step,
+            failed_at=failure.failed_at,
             wanted=failure.wanted,
             buckling=lost,
+            iterate=best and _iterate(model, failure.failed_at, best),
         ) from None
     return finished()
 
 
-def buckling(state: SolidState, toward: float | Step) -> Buckling | None:
+def buckling(state: SolidState, toward: float | Mapping[str, float] | Step) -> Buckling | None:
     """Where a body loses its stability on the way from an equilibrium to a step, to first order.
 
     Parameters
@@ -356,7 +271,20 @@ def buckling(state: SolidState, toward: float | Step) -> Buckling | None:
     changes linearly, as for a slender column, and the better the nearer the equilibrium is to the critical point.
     """
     model = state.model
-    return critical(model.system, direct_solver(model), _equilibrium(model.system, state), as_step(toward))
+    there = _checked_step(model.system, as_step(toward))
+    return critical(model.system, direct_solver(model), _equilibrium(model.system, state), there)
+
+
+def _checked_step(system: System, step: Step) -> Step:
+    """The step, refused where it names what the model does not have."""
+    muscles = [c.region for c in system.contractions]
+    for what, given, known in (("loads", step.loads, system.load_names), ("tensions", step.tensions, muscles)):
+        for name in given:
+            if name not in known:
+                expected = f"one of {', '.join(known)}" if known else "none (the model has nothing of that kind)"
+                raise ModelError(f"step, {what}: found {name!r}, expected {expected}")
+    system.held.at(step)  # refuses supports that contradict each other there
+    return step
 
 
 def _state(model: SolidModel, found: Equilibrium, work: Counts) -> SolidState:
@@ -372,28 +300,13 @@ def _state(model: SolidModel, found: Equilibrium, work: Counts) -> SolidState:
     )
 
 
+def _iterate(model: SolidModel, step: Step, found: Iterate) -> SolidState:
+    pressure = found.p if model.system.mixed else None
+    return SolidState(model, step, np.ascontiguousarray(found.u.T), found.residual, pressure=pressure)
+
+
 def _equilibrium(system: System, state: SolidState) -> Equilibrium:
     p = np.zeros(system.n_pressures) if state.pressure is None else state.pressure
     return Equilibrium(
         state.step, np.ascontiguousarray(state.u.T), p, state.points, state.internal_force.T, state.residual, 0
     )
-
-
-def _advice(failure: PathFailedError, lost: Buckling | None) -> str:
-    r, w = failure.last.step, failure.wanted
-    (load, wanted_load), (tension, wanted_tension) = _apart(r.load, w.load), _apart(r.tension, w.tension)
-    return (
-        f"no equilibrium between load x{load}, tension x{tension} (reached) and load x{wanted_load}, "
-        f"tension x{wanted_tension} (asked): {failure}; {_told(lost)}try a lower tension or load, a finer mesh, or a "
-        "stiffer design"
-    )
-
-
-def _told(lost: Buckling | None) -> str:
-    return "" if lost is None else f"it buckles at load x{lost.step.load:.4g}, tension x{lost.step.tension:.4g}; "
-
-
-def _apart(first: float, second: float) -> tuple[str, str]:
-    """Two numbers with as many digits, at least four, as tell them apart if they differ."""
-    texts = [(f"{first:.{digits}g}", f"{second:.{digits}g}") for digits in range(4, 18)]
-    return next(((a, b) for a, b in texts if a != b or first == second), texts[-1])

@@ -118,7 +118,7 @@ def modes(state: SolidState, densities: Mapping[str, float], count: int = 6, *, 
 def _refuse_unbalanced(state: SolidState, free: bool) -> None:
     """Forces at the free unknowns must balance; those of supports too where these are let go."""
     system = state.model.system
-    f_ext = system.external_force(np.ascontiguousarray(state.u.T), state.step.load)
+    f_ext = system.external_force(np.ascontiguousarray(state.u.T), state.step)
     points = state.points
     force, magnitude = system.internal_force(points)
     r = system.residual(points, force, f_ext)
@@ -134,8 +134,8 @@ def _refuse_unbalanced(state: SolidState, free: bool) -> None:
 def _stiffness(state: SolidState) -> Array:
     """Upper triangle of the tangent at a state."""
     system = state.model.system
-    points = system.points(state.F, state.step.tension, state.pressure)
-    return system.matrix(points, points.S, np.ascontiguousarray(state.u.T), state.step.load)
+    points = system.points(state.F, state.step, state.pressure)
+    return system.matrix(points, points.S, np.ascontiguousarray(state.u.T), state.step)
 
 
 def _smooth_square(system: System, K: Array, M: Array, held: Ints) -> float:

@@ -19,6 +19,7 @@ from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array, OutsideLawError
 from fem_biobot.solid.linear import NotPositiveDefiniteError
 from fem_biobot.solid.records import Step
+from fem_biobot.solid.step_failed import Iterate, StepFailedError, Why
 from fem_biobot.solid.system import InvertedError, Points, System
 
 
@@ -89,14 +90,6 @@ class StepSolver(Protocol):
     def solve(self, data: Array, b: Array, tolerance: float) -> Array:
         """Solve with the tangent's upper triangle; raises `NotPositiveDefiniteError`."""
         ...
-
-
-class StepFailedError(Exception):
-    """The step did not converge; says why in the words of the solve's message, and whether stability may be why."""
-
-    def __init__(self, text: str, *, unstable: bool = False) -> None:
-        super().__init__(text)
-        self.unstable = unstable
 
 
 @dataclass
@@ -174,22 +167,29 @@ def newton(
     held = system.held
     u = trial.u.copy()
     p = np.zeros(system.n_pressures) if trial.p is None else trial.p.copy()
-    points = _points(system, u, p, step)
+    points = _points(system, u, p, step, 0, None)
     S_geo = points.S if trial.S is None else trial.S
-    lift = step.load * held.values - system.to_local(u).ravel()[held.dofs]
+    lift = held.at(step) - system.to_local(u).ravel()[held.dofs]
     lifting = bool(np.any(np.abs(lift) > 0.0))
     last = norm = np.inf
-    first = None
+    first = best = None
+    free = np.zeros(system.n_dofs)
+
+    def failed(text: str, why: Why) -> StepFailedError:
+        return StepFailedError(text, why, element=system.loudest(free), iteration=iteration, best=best)
+
     for iteration in range(settings.max_iterations + 1):
         force, magnitude = system.internal_force(points)
-        f_ext = system.external_force(u, step.load)
+        f_ext = system.external_force(u, step)
         free = system.residual(points, force, f_ext)
         scale = max(scale, float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
         free[held.dofs] = 0.0
         norm = float(np.linalg.norm(free))
         observe("iteration", {"iteration": iteration, "residual": norm / scale if scale else 0.0})
         if not np.isfinite(norm):
-            raise StepFailedError("the residual is not a number")
+            raise failed("the residual is not a number", Why.no_number)
+        if not lifting and scale and (best is None or norm < best.residual * scale):
+            best = Iterate(u.copy(), p.copy(), norm / scale)
         if norm <= max(settings.tolerance * scale, _ROUNDING * system.rounding_force) and not lifting:
             return Equilibrium(step, u, p, points, force, norm / scale if scale else 0.0, iteration), scale
         if iteration == settings.max_iterations:
@@ -202,8 +202,8 @@ def newton(
         elif first is None:
             first = norm
         elif norm > 1e4 * max(first, settings.tolerance * scale):
-            raise StepFailedError(f"the residual grows (to {norm / scale:.2g} of the force scale)")
-        data = system.matrix(points, S_geo, u, step.load)
+            raise failed(f"the residual grows (to {norm / scale:.2g} of the force scale)", Why.diverged)
+        data = system.matrix(points, S_geo, u, step)
         b = -free
         if lifting:
             full = np.zeros(system.n_dofs)
@@ -222,7 +222,7 @@ def newton(
             delta = solver.solve(data, b, forcing)
         except NotPositiveDefiniteError:
             text = "the tangent is not positive definite (loss of stability, or a trial too far)"
-            raise StepFailedError(text, unstable=True) from None
+            raise failed(text, Why.indefinite) from None
         last = np.inf if lifting else norm
         lifting = False
         change, change_p = system.parts(delta)
@@ -230,9 +230,10 @@ def newton(
         p += change_p
         F_next = system.deformation_gradient(u)
         S_geo = system.carry(points, F_next, change_p)
-        points = _points(system, u, p, step, F_next)
-    raise StepFailedError(
-        f"no convergence in {settings.max_iterations} iterations (residual {norm / scale:.2g} of the force scale)"
+        points = _points(system, u, p, step, iteration + 1, best, F_next)
+    raise failed(
+        f"no convergence in {settings.max_iterations} iterations (residual {norm / scale:.2g} of the force scale)",
+        Why.iterations,
     )
 
 
@@ -242,22 +243,29 @@ def refuse_unstable(system: System, solver: StepSolver, state: Equilibrium) -> N
         solver.refuse_unstable(newton_matrix(system, state))
     except NotPositiveDefiniteError:
         text = "the equilibrium found is not stable (its tangent is not positive definite)"
-        raise StepFailedError(text, unstable=True) from None
+        best = Iterate(state.u, state.p, state.residual)
+        raise StepFailedError(text, Why.unstable, best=best) from None
 
 
 def newton_matrix(system: System, state: Equilibrium, *, blocked: bool = True) -> Array:
     """The tangent at an equilibrium; `blocked` replaces what is held by a scaled identity."""
     points = state.points
     if not len(points.D):  # a state read back keeps no moduli
-        points = system.points(points.F, state.step.tension, state.p)
-    data = system.matrix(points, points.S, state.u, state.step.load)
+        points = system.points(points.F, state.step, state.p)
+    data = system.matrix(points, points.S, state.u, state.step)
     if blocked:
         system.block(data)
     return data
 
 
-def _points(system: System, u: Array, p: Array, step: Step, F: Array | None = None) -> Points:
+def _points(
+    system: System, u: Array, p: Array, step: Step, iteration: int, best: Iterate | None, F: Array | None = None
+) -> Points:
     try:
-        return system.points(system.deformation_gradient(u) if F is None else F, step.tension, p)
-    except (InvertedError, OutsideLawError) as error:
-        raise StepFailedError(str(error)) from None
+        return system.points(system.deformation_gradient(u) if F is None else F, step, p)
+    except InvertedError as error:
+        text = f"an element is inverted (det F = {error.J:.3g})"
+        raise StepFailedError(text, Why.inverted, element=error.element, iteration=iteration, best=best) from None
+    except OutsideLawError as error:
+        text = str(error)
+        raise StepFailedError(text, Why.outside_law, element=error.element, iteration=iteration, best=best) from None

@@ -17,19 +17,22 @@ from fem_biobot.solid.newton import (
     Equilibrium,
     NewtonSettings,
     Observer,
-    StepFailedError,
     StepSolver,
     Trial,
     newton,
     refuse_unstable,
 )
 from fem_biobot.solid.records import Step
+from fem_biobot.solid.space import Array
+from fem_biobot.solid.step_failed import StepFailedError
 from fem_biobot.solid.system import InvertedError, System
 
 _HALVINGS = 8
 # longest rise of the active tension in one step, as a share of three times the tissue's shear modulus: about the
 # contraction that a linear step still brings near enough, whatever the mesh
 _LONGEST_RISE = 0.36
+# largest prescribed rotation in one step [rad]: what is held moves along chords in the first iteration
+_LONGEST_TURN = 0.3
 # states met only on the way need not be exact
 _ON_THE_WAY = 1e-5
 # a predictor may reach this many times the last interval before it loses an order
@@ -39,12 +42,12 @@ _REACH = 2.0
 class PathFailedError(Exception):
     """No equilibrium at a step even after halving it.
 
-    Carries the last state reached, the step asked for, and the shorter one that failed if stability may be why.
+    Carries the last state reached, the step asked for, the shorter one that failed, and how it failed.
     """
 
-    def __init__(self, reason: str, last: Equilibrium, wanted: Step, unstable_at: Step | None) -> None:
-        super().__init__(reason)
-        self.last, self.wanted, self.unstable_at = last, wanted, unstable_at
+    def __init__(self, failure: StepFailedError, last: Equilibrium, wanted: Step, failed_at: Step) -> None:
+        super().__init__(str(failure))
+        self.failure, self.last, self.wanted, self.failed_at = failure, last, wanted, failed_at
 
 
 def equilibria(
@@ -65,7 +68,7 @@ def equilibria(
     trial
         Where the first step begins; that step is neither subdivided nor halved.
     """
-    history = list(start) if start else [_rest(system)]
+    history = list(start) if start else [_rest(system, steps[0].time if steps else 0.0)]
     scale = 0.0
     rough = replace(settings, tolerance=max(settings.tolerance, _ON_THE_WAY))
     for target in steps:
@@ -84,10 +87,9 @@ def equilibria(
                 halvings += 1
                 reached = history[-1].step
                 if halvings > _HALVINGS or reached == goal or trial:
-                    unstable_at = goal if failure.unstable and reached != goal else None
-                    raise PathFailedError(str(failure), history[-1], target, unstable_at) from None
+                    raise PathFailedError(failure, history[-1], target, goal) from None
                 observe("halved", {"load": goal.load, "tension": goal.tension})
-                goals.append(Step(0.5 * (reached.load + goal.load), 0.5 * (reached.tension + goal.tension)))
+                goals.append(reached.between(goal, 0.5))
                 continue
             goals.pop()
             # moduli are most of a state and serve no predictor
@@ -97,37 +99,52 @@ def equilibria(
 
 
 def _subdivided(system: System, here: Step, target: Step) -> list[Step]:
-    """The target preceded by as many equal steps (latest first) as the rise of the active tension asks for."""
-    rise = abs(target.tension - here.tension) * max((c.rise for c in system.contractions), default=0.0)
-    n = max(1, int(np.ceil(rise / _LONGEST_RISE - 1e-9)))
-    ways = [k / n for k in range(n, 0, -1)]
-    return [
-        target
-        if s == 1.0
-        else Step(here.load + s * (target.load - here.load), here.tension + s * (target.tension - here.tension))
-        for s in ways
+    """The target preceded by as many equal steps (latest first) as rising tension and turning surfaces ask for."""
+    rises = [
+        abs(target.tension_in(c.region) - here.tension_in(c.region)) * c.rise / _LONGEST_RISE
+        for c in system.contractions
     ]
+    turns = [
+        abs((target.load_on(name) - here.load_on(name)) * angle) / _LONGEST_TURN
+        for name, angle in system.held.prescribed.rotations
+    ]
+    n = max(1, int(np.ceil(max([*rises, *turns], default=0.0) - 1e-9)))
+    return [target if k == n else here.between(target, k / n) for k in range(n, 0, -1)]
 
 
-def _rest(system: System) -> Equilibrium:
+def _rest(system: System, time: float) -> Equilibrium:
     """The undeformed body without load or tension, as the first point of a path."""
     u = np.zeros((system.space.n_nodes, 3))
     points = system.points(system.deformation_gradient(u), 0.0)
-    return Equilibrium(Step(0.0, 0.0), u, np.zeros(system.n_pressures), points, np.zeros_like(u), 0.0, 0)
+    return Equilibrium(Step(0.0, 0.0, time=time), u, np.zeros(system.n_pressures), points, np.zeros_like(u), 0.0, 0)
+
+
+def _named(steps: list[Step]) -> tuple[list[str], list[str]]:
+    """Names of loads and of muscles that any of the steps drives on its own."""
+    loads = dict.fromkeys(name for step in steps for name in step.loads)
+    return list(loads), list(dict.fromkeys(name for step in steps for name in step.tensions))
+
+
+def _factors(step: Step, named: tuple[list[str], list[str]]) -> Array:
+    """A step as a point on the path: common factors, those of these names, and the time."""
+    loads, tensions = named
+    own = [*(step.load_on(name) for name in loads), *(step.tension_in(name) for name in tensions)]
+    return np.array([step.load, step.tension, *own, step.time])
 
 
 def _predict(system: System, history: list[Equilibrium], goal: Step) -> Trial:
     """Trial displacement, pressure and carried stress at `goal` from up to four collinear states."""
     last = history[-1]
-    here = np.array([last.step.load, last.step.tension])
-    way = np.array([goal.load, goal.tension]) - here
+    named = _named([*(state.step for state in history), goal])
+    here = _factors(last.step, named)
+    way = _factors(goal, named) - here
     length = float(np.linalg.norm(way))
     if length == 0.0 or len(history) < 2:
         return Trial(last.u, None, last.p)
     # parameter: 0 at the last state, 1 at the goal
     places = []
     for state in history:
-        offset = np.array([state.step.load, state.step.tension]) - here
+        offset = _factors(state.step, named) - here
         along = float(offset @ way) / length**2
         if np.linalg.norm(offset - along * way) > 1e-9 * max(length, float(np.linalg.norm(offset))):
             places.clear()

@@ -82,8 +82,7 @@ def critical(system: System, solver: StepSolver, state: Equilibrium, toward: Ste
     way = -1.0 / float(value.real)
     mode = system.parts(np.ascontiguousarray(found[1][:, k].real))[0].T
     mode = mode / mode.flat[np.argmax(np.abs(mode))]
-    load, tension = (a + way * (b - a) for a, b in ((here.load, toward.load), (here.tension, toward.tension)))
-    return Buckling(Step(load, max(tension, 0.0)), way, mode)
+    return Buckling(here.between(toward, way), way, mode)
 
 
 def lost_stability(system: System, solver: StepSolver, last: Equilibrium, unstable_at: Step | None) -> Buckling | None:
@@ -100,22 +99,22 @@ def lost_stability(system: System, solver: StepSolver, last: Equilibrium, unstab
 def _matrix_rate(system: System, solver: StepSolver, state: Equilibrium, toward: Step, K: Array) -> Array:
     """Change of the matrix on the way to a step per way, along the tangent of the path of equilibria."""
     here, held, h = state.step, system.held, _DIFFERENCE
-    near = Step(here.load + h * (toward.load - here.load), here.tension + h * (toward.tension - here.tension))
+    near = here.between(toward, h)
     F = state.points.F
-    points = system.points(F, near.tension, state.p)
+    points = system.points(F, near, state.p)
     force, _ = system.internal_force(points)
-    b = -system.residual(points, force, system.external_force(state.u, near.load))
+    b = -system.residual(points, force, system.external_force(state.u, near))
     # what is left of the state's own residual is no part of the change
-    b += system.residual(state.points, state.force, system.external_force(state.u, here.load))
+    b += system.residual(state.points, state.force, system.external_force(state.u, here))
     lift = np.zeros(system.n_dofs)
-    lift[held.dofs] = (near.load - here.load) * held.values
+    lift[held.dofs] = held.at(near) - held.at(here)
     if np.any(lift):
         b -= product(system.pattern, newton_matrix(system, state, blocked=False), lift)
     b[held.dofs] = (K if system.symmetric else K[0])[system.diagonal] * lift[held.dofs]
     change, change_p = system.parts(solver.solve(K, b, 1e-12))
     u, p = state.u + change, state.p + change_p
     try:
-        moved = system.points(system.deformation_gradient(u), near.tension, p)
+        moved = system.points(system.deformation_gradient(u), near, p)
     except InvertedError:
         raise ModelError("buckling: found an inverted element next to the equilibrium, expected none") from None
     there = Equilibrium(near, u, p, moved, state.force, 0.0, 0)

@@ -119,7 +119,7 @@ class Probe:
         for c in system.contractions:
             mine = np.isin(self.elements, c.elements)
             if mine.any():
-                tension = at_elements(c.law.scaled(state.step.tension), self.elements[mine])
+                tension = at_elements(c.law_at(state.step), self.elements[mine])
                 P[:, :, mine] += tension.stress(F[:, :, mine])
         return np.einsum("ikn,jkn->ijn", P, F) / volume_ratio(F)
 

@@ -21,7 +21,7 @@ from fem_biobot.errors import ModelError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.held import Held
 from fem_biobot.solid.pattern import Pattern
-from fem_biobot.solid.records import Foundation, Pressure, numbers
+from fem_biobot.solid.records import Foundation, Pressure, drive_name, numbers
 from fem_biobot.solid.space import Array, Ints, Space
 
 # a constant pressure on quadratic triangles is integrated exactly; a field deserves more
@@ -104,6 +104,11 @@ class SurfaceTerm(Protocol):
         ...
 
     @property
+    def name(self) -> str:
+        """Name of the factor that drives it."""
+        ...
+
+    @property
     def by_load(self) -> bool:
         """Whether the load factor scales it."""
         ...
@@ -124,6 +129,7 @@ class FollowerPressure:
     facets: Facets
     X: Array
     pressure: Array  # (f, q) [kPa]
+    name: str = ""
     by_load: bool = True
 
     def force(self, u: Array) -> Array:
@@ -151,6 +157,7 @@ class ElasticFoundation:
 
     facets: Facets
     stiffness: Array  # (b, b, 3, 3, f) [mN/mm]
+    name: str = ""
     by_load: bool = False
 
     def force(self, u: Array) -> Array:
@@ -181,7 +188,7 @@ def follower_pressure(mesh: BodyMesh, body: Space, load: Pressure) -> FollowerPr
         if found.ndim:
             raise ModelError(f"{what}: found {load.value!r}, expected one number or a function")
         value = np.broadcast_to(found, shape)
-    return FollowerPressure(on, X, np.ascontiguousarray(value))
+    return FollowerPressure(on, X, np.ascontiguousarray(value), drive_name(load))
 
 
 def elastic_foundation(mesh: BodyMesh, body: Space, support: Foundation) -> ElasticFoundation:

@@ -23,6 +23,7 @@ from fem_biobot.solid.linear import product
 from fem_biobot.solid.mixed.equations import MixedEquations, VolumePoints
 from fem_biobot.solid.moduli import PACKED_ENTRY
 from fem_biobot.solid.pattern import Pattern
+from fem_biobot.solid.records import Step, load_factor, tension_factor
 from fem_biobot.solid.sharing import Shares, run_parts, split
 from fem_biobot.solid.space import Ints, Space
 from fem_biobot.solid.surfaces import Scatter, SurfaceTerm
@@ -60,6 +61,8 @@ class Contraction:
     ----------
     elements
         Elements of the region.
+    region
+        Its name, by which steps drive it.
     tension, a0
         Tension (e, q) [kPa] and fibres (3, e, q) over ALL elements.
     rise
@@ -69,10 +72,15 @@ class Contraction:
     """
 
     elements: Ints
+    region: str
     tension: Array
     a0: Array
     rise: float
     law: ActiveLaw
+
+    def law_at(self, step: float | Step) -> ActiveLaw:
+        """The tension's law at a step, or at a factor."""
+        return self.law.scaled(tension_factor(step, self.region))
 
 
 @dataclass(frozen=True)
@@ -84,7 +92,7 @@ class System:
     laws: tuple[tuple[Law, Ints], ...]
     contractions: tuple[Contraction, ...]
     held: Held
-    dead_load: Array
+    dead_loads: tuple[tuple[str, Array], ...]
     shares: Shares
     turned: NDArray[np.int64]
     blocked: NDArray[np.int64]
@@ -109,6 +117,21 @@ class System:
     def n_pressures(self) -> int:
         """Pressure unknowns."""
         return self.pattern.n_pressures
+
+    @cached_property
+    def dead_load(self) -> Array:
+        """Nodal forces of all dead loads at load factor 1, (n, 3) [mN]."""
+        return sum((force for _, force in self.dead_loads), np.zeros((self.space.n_nodes, 3)))
+
+    @cached_property
+    def load_names(self) -> tuple[str, ...]:
+        """Names by which steps drive loads and prescribed displacements."""
+        names = (
+            *(name for name, _ in self.dead_loads),
+            *(t.name for t, _ in self.surfaces),
+            *self.held.prescribed.names,
+        )
+        return tuple(dict.fromkeys(name for name in names if name))
 
     @cached_property
     def rounding_force(self) -> float:
@@ -172,12 +195,13 @@ class System:
         return F
 
     def points(
-        self, F: Array, tension: float, p: Array | None = None, *, passive: bool = True, moduli: bool = True
+        self, F: Array, tension: float | Step, p: Array | None = None, *, passive: bool = True, moduli: bool = True
     ) -> Points:
         """Laws at the quadrature points; raises `InvertedError` where an element is inverted.
 
-        With the pressures `p` (m,) [kPa] of the mixed form, by default zero. Without `passive` the active tension
-        alone; without `moduli` stress and energy only, with an empty ``D``.
+        `tension` is a step, or a factor on every muscle. With the pressures `p` (m,) [kPa] of the mixed form, by
+        default zero. Without `passive` the active tension alone; without `moduli` stress and energy only, with an
+        empty ``D``.
         """
         J, element = smallest_volume_ratio(F)
         if not J > 0.0:
@@ -188,9 +212,9 @@ class System:
         if passive:
             for law, elements in self.laws:
                 run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(elements))
-        if tension != 0.0:
-            for c in self.contractions:
-                law = c.law.scaled(tension)
+        for c in self.contractions:
+            if tension_factor(tension, c.region) != 0.0:
+                law = c.law_at(tension)
                 run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(c.elements))
         volume = odd = None
         if rows == 36:
@@ -199,6 +223,13 @@ class System:
         if self.mixed is not None and passive:
             volume = self.mixed.add_points(F, np.zeros(self.n_pressures) if p is None else p, S, D, psi)
         return Points(F, S, D, psi, volume, odd)
+
+    def loudest(self, residual: Array) -> int | None:
+        """An element at the node with the largest residual, (dofs,) [mN]; none where all of it is zero."""
+        n = self.n_dofs - self.n_pressures
+        sizes = np.nan_to_num(np.linalg.norm(residual[:n].reshape(-1, 3), axis=1), nan=np.inf)
+        node = int(np.argmax(sizes))
+        return int(np.flatnonzero(np.any(self.space.nodes == node, axis=0))[0]) if sizes[node] > 0.0 else None
 
     def internal_force(self, points: Points) -> tuple[Array, Array]:
         """Internal force (n, 3) [mN] and the sum of the sizes of its element parts."""
@@ -214,14 +245,16 @@ class System:
         self.shares.run(add)
         return force, magnitude
 
-    def external_force(self, u: Array, load: float) -> Array:
-        """Force of all loads at a load factor, and of foundations, at the displacement `u`, (n, 3) [mN]."""
-        force = load * self.dead_load
+    def external_force(self, u: Array, load: float | Step) -> Array:
+        """Force of all loads at a step or load factor, and of foundations, at the displacement `u`, (n, 3) [mN]."""
+        force = np.zeros_like(u)
+        for name, dead in self.dead_loads:
+            force += load_factor(load, name) * dead
         for term, _ in self.surfaces:
-            force += (load if term.by_load else 1.0) * term.force(u)
+            force += (load_factor(load, term.name) if term.by_load else 1.0) * term.force(u)
         return force
 
-    def matrix(self, points: Points, S: Array, u: Array | None = None, load: float = 1.0) -> Array:
+    def matrix(self, points: Points, S: Array, u: Array | None = None, load: float | Step = 1.0) -> Array:
         """Upper triangle of the whole matrix at `points`, with the stress `S` in its geometric part.
 
         Surface terms are evaluated at the displacement `u` (n, 3), by default none. Without symmetry (2, entries): the
@@ -232,8 +265,8 @@ class System:
             self.mixed.add_matrix(self.space, self.pattern, points.F, points.volume, self.turned, self.held.axes, data)
         skew = np.zeros(0 if self.symmetric else len(data))
         for term, to in self.surfaces:
-            even, odd = to.parts(term.blocks(np.zeros_like(self.dead_load) if u is None else u))
-            factor = load if term.by_load else 1.0
+            even, odd = to.parts(term.blocks(np.zeros((self.space.n_nodes, 3)) if u is None else u))
+            factor = load_factor(load, term.name) if term.by_load else 1.0
             data[to.places] += factor * even
             if skew.size:
                 skew[to.places] += factor * odd

@@ -204,14 +204,7 @@ class Solver:
             f"{failure.wanted.tension * unit:.4g} kPa (asked): {failure.reason}; {lost}try a lower tension, a stiffer "
             "design or another mesh size"
         )
-        return SolveError(
-            text,
-            failure.best,
-            reason=failure.reason,
-            reached=failure.reached,
-            wanted=failure.wanted,
-            buckling=failure.buckling,
-        )
+        return failure.retold(text)
 
     def _observe(self, kind: str, values: dict[str, float]) -> None:
         if kind == "iteration":

@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from fem_biobot.design import Design, Key, first_key, keys, section_type, sections, unknown_key
 from fem_biobot.design_checks import unused_keys
+from fem_biobot.design_tissue import without_following
 from fem_biobot.errors import DesignError, FileError
 from fem_biobot.units import DIMENSIONS, format_quantity, one_line, parse_quantity, shown
 
@@ -62,6 +63,8 @@ def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Desi
     path = _design_path(name_or_path, Path())
     table = _resolved_table(path, ())
     table.setdefault("name", path.stem)
+    if any(override.strip().startswith("muscle.tissue.") for override in overrides):
+        _make_room_for_tissue(table)
     for override in overrides:
         _apply(table, override)
     return Design.model_validate(_values(table, ""))
@@ -95,7 +98,10 @@ def geometry_digest(design: Design) -> str:
     lengths = [
         name
         for name, key in keys().items()
-        if name.startswith(("skeleton.", "muscle.")) and key.quantity is not None and key.quantity.unit == "mm"
+        if name.startswith(("skeleton.", "muscle."))
+        and not name.startswith("muscle.tissue.")  # the lengths that follow from it are there
+        and key.quantity is not None
+        and key.quantity.unit == "mm"
     ]
     chosen = [*shape, *lengths]
     return _digest(design, chosen)
@@ -214,9 +220,17 @@ def _resolved_table(path: Path, seen: tuple[Path, ...]) -> Table:
     if not isinstance(base, str):
         raise DesignError(f"base: found {shown(base)}, expected the name of a preset or the path of a file")
     below = _resolved_table(_design_path(base, path.parent), (*seen, here))
+    if isinstance(table.get("muscle"), dict) and "tissue" in table["muscle"]:
+        _make_room_for_tissue(below)
     below.pop("name", None)
     below.pop("description", None)
     return _overlay(below, table)
+
+
+def _make_room_for_tissue(table: Table) -> None:
+    """Drop what a base says of the section and the tension, which follow from the tissue then."""
+    if isinstance(table.get("muscle"), dict):
+        table["muscle"] = without_following(table["muscle"])
 
 
 def _overlay(below: Table, above: Table) -> Table:

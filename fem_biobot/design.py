@@ -31,6 +31,7 @@ from fem_biobot.design_parts import (
     Skeleton,
     Walker,
 )
+from fem_biobot.design_tissue import completed, without_following
 from fem_biobot.errors import DesignError
 from fem_biobot.units import expected_text, format_quantity, one_line, shown
 
@@ -68,7 +69,7 @@ class Design(Record, frozen=True):
     @classmethod
     def _checked(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         try:
-            design = handler(data)
+            design = handler(completed(data))
         except ValidationError as error:
             raise DesignError(_complaint(error)) from None
         _check_ranges(design)
@@ -78,6 +79,8 @@ class Design(Record, frozen=True):
     def with_values(self, values: Mapping[str, Any]) -> Design:
         """Checked copy with other values, given by full key in coherent units: ``{"muscle.theta": 1.2}``."""
         data = self.model_dump(exclude_unset=True)
+        if self.value("muscle.tissue") is not None or any(name.startswith("muscle.tissue.") for name in values):
+            data["muscle"] = without_following(data["muscle"])
         for name, value in values.items():
             if name not in keys():
                 raise DesignError(unknown_key(name))

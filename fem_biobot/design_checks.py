@@ -63,6 +63,8 @@ def check_fit(design: Design) -> None:
     """Refuse a design whose parts are missing, superfluous or in each other's way."""
     _check_text(design)
     _check_sections(design)
+    if design.muscle is not None and design.muscle.tissue is not None and design.muscle.layout != "junction":
+        raise DesignError("muscle.tissue: found with muscle.layout ring, expected it with a junction only")
     _check_parts(design)
     _check_times_and_friction(design)
     _check_drive(design)

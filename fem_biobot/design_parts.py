@@ -98,6 +98,7 @@ SpreadKind = Literal["planar", "planar_von_mises", "solid"]
 Waveform = Literal["abs_sine", "constant", "pulse", "rc_biphasic", "twitch"]
 AmplitudeBy = Literal["given", "paper_2018", "drennan_2025"]
 OxygenUse = Literal["field", "section", "none"]
+Seeding = Literal["myotubes", "myoblasts"]
 GelFace = Literal["sealed", "permeable"]
 Immersion = Literal["air", "submerged"]
 Element = Literal["P2", "P2-P1"]
@@ -198,6 +199,24 @@ class Oxygen(Record, frozen=True):
     )
 
 
+class Tissue(Record, frozen=True):
+    """How tissue was seeded, from which a junction's section and tension follow; laws in `muscle.compaction` and
+    `muscle.maturation`.
+    """
+
+    seeded_width: Annotated[float, Quantity("mm", 3.5, 14.0, note="compaction was measured up to there")] = Field(
+        description="Width of the trench that it was seeded in [mm]"
+    )
+    days: Annotated[float, Quantity("1", 5.0, 15.0, note="forces were measured up to there")] = Field(
+        default=15.0, description="Age of the tissue in days [1]"
+    )
+    seeding: Seeding = Field(default="myotubes", description="What it was seeded with")
+    seeded_depth: PositiveLength = Field(default=0.4, description="Depth of the trench [mm]")
+    volume_kept: Annotated[float | None, Quantity("1", 0.0, 1.0, low_open=True)] = Field(
+        default=None, description="Share of the seeded volume that is left; left out, the thickness stays the depth [1]"
+    )
+
+
 class Muscle(Record, frozen=True):
     """Muscle tissue, its fibres and its tension."""
 
@@ -239,6 +258,9 @@ class Muscle(Record, frozen=True):
         default=None, description="Stretch of greatest force of that curve, 1 if left out [1]"
     )
     transverse: Fraction = Field(default=0.0, description="Tension across the fibres over that along them [1]")
+    tissue: Tissue | None = Field(
+        default=None, description="How the tissue was seeded, in place of its section and tension"
+    )
     oxygen: Oxygen | None = Field(default=None, description="Oxygen, where it decides on the viable share")
     material: Material = Field(description="Tissue without its tension")
 

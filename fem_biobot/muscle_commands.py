@@ -45,6 +45,20 @@ def _drive_command(
     return partial(muscle_jobs.drive, Order(design, out, None, None, (), sets or (), quiet, as_json, force))
 
 
+@muscle.command("tissue")
+def _tissue_command(
+    design: DesignName,
+    out: Out = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Section and tension of the tissue, by seeding width and day, beside what the paper measured."""
+    return partial(muscle_jobs.tissue, Order(design, out, None, None, (), sets or (), quiet, as_json, force))
+
+
 @muscle.command("oxygen")
 def _oxygen_command(
     design: DesignName,

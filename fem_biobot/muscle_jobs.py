@@ -27,6 +27,13 @@ def drive(order: Order) -> int:
     return examined(order, "drive", drive_finding, tissue=False)
 
 
+def tissue(order: Order) -> int:
+    """Width, section, tension and age of a design's tissue."""
+    from fem_biobot.study.muscle_tissue import tissue_finding
+
+    return examined(order, "tissue", tissue_finding)
+
+
 def oxygen(order: Order) -> int:
     """Oxygen in the muscle of a design, on its mesh."""
     from fem_biobot.study.muscle_oxygen import oxygen_finding

@@ -14,9 +14,9 @@ from typing import Any
 
 from fem_biobot.config import digest, to_toml
 from fem_biobot.design import Design
-from fem_biobot.files import file_error, write_text
+from fem_biobot.files import write_text
 from fem_biobot.study.folder import ResultFolder
-from fem_biobot.study.outputs import figures_folder, write_table
+from fem_biobot.study.outputs import figures_folder, tables_folder, write_table
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
 from fem_biobot.tables import Table
@@ -133,11 +133,7 @@ def examine(
 
 def write_series(folder: Path, finding: Finding) -> None:
     """Rows of a finding as `tables/*.csv`."""
-    tables = folder / "tables"
-    try:
-        tables.mkdir(exist_ok=True)
-    except OSError as error:
-        raise file_error(error, tables) from None
+    tables = tables_folder(folder)
     for name, rows in finding.series.items():
         write_table(tables / f"{name}.csv", rows)
 

@@ -166,6 +166,16 @@ def standing(x: Array) -> Array:
     return x
 
 
+def tables_folder(folder: Path) -> Path:
+    """The folder of the tables, made if it is not there."""
+    tables = folder / "tables"
+    try:
+        tables.mkdir(exist_ok=True)
+    except OSError as error:
+        raise file_error(error, tables) from None
+    return tables
+
+
 def figures_folder(folder: Path) -> Path:
     """The folder of the figures, made if it is not there."""
     figures = folder / "figures"
@@ -225,9 +235,13 @@ def plot(folder: Path, design: Design, states: Sequence[Mapping[str, Any]]) -> l
 
 
 def write_run_report(
-    folder: Path, summary: Mapping[str, Any], figures: Sequence[tuple[Path, str]], design: Design
+    folder: Path,
+    summary: Mapping[str, Any],
+    figures: Sequence[tuple[Path, str]],
+    design: Design,
+    more: Sequence[Table] = (),
 ) -> None:
-    """`report.html` of a run."""
+    """`report.html` of a run, with `more` tables after those of the states."""
     solid = summary["solid"]
     tables: list[Table] = []
     if solid.get("comparison"):
@@ -239,6 +253,7 @@ def write_run_report(
         tables.append(_table("Error of the mesh, from two sizes", solid["error_estimate"]))
     kept = [name for name in _STATE_COLUMNS if any(s.get(name) not in (None, "") for s in solid["states"])]
     tables.append(_table("States", [{name: s.get(name) for name in kept} for s in solid["states"]]))
+    tables += more
     write_report(
         folder / "report.html", summary, figures, tables, summary["notes"], title=f"{design.name}: stress and stroke"
     )

@@ -36,3 +36,10 @@ EFFICIENCY: dict[float, Printed] = {
 }
 # of the main job's walks [Hz]: those of the paper
 WALKED_FREQUENCIES = (0.5, 1.0, 2.0, 4.0)
+
+# forces measured by seeding width [mm], section 2.5 and Fig. 6; None where they stand in a figure only
+MEASURED_WIDTHS: dict[float, dict[str, float | None]] = {
+    3.5: {"active_mN": 0.97, "active_sd_mN": 0.27, "passive_mN": 7.93, "passive_sd_mN": 0.30},
+    7.0: {"active_mN": 0.67, "active_sd_mN": 0.26, "passive_mN": None, "passive_sd_mN": None},
+    14.0: {"active_mN": 0.47, "active_sd_mN": 0.17, "passive_mN": 9.53, "passive_sd_mN": 0.68},
+}

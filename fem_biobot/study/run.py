@@ -16,6 +16,7 @@ from typing import Any
 from fem_biobot.config import digest, to_toml
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
+from fem_biobot.design_tissue import told
 from fem_biobot.errors import BiobotError, FileError, ModelError, SolveError
 from fem_biobot.files import file_error, write_json, write_text
 from fem_biobot.mesh.body import BodyMesh
@@ -28,6 +29,7 @@ from fem_biobot.solid.measures import Measurer, muscle_work
 from fem_biobot.solid.touching import touching_parts
 from fem_biobot.study import compare, outputs, walk_files
 from fem_biobot.study.folder import SUMMARY, ResultFolder
+from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings
 from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
 from fem_biobot.study.reporter import Reporter, Silent
@@ -132,10 +134,13 @@ class _Job:
         self.found: list[Found] = []
         self.files: list[str] = []
         self.figures: list[tuple[Path, str]] = []
+        self.muscle = MuscleFindings()
         self.began = time.perf_counter()
 
     def do(self) -> dict[str, Any]:
         self.reporter.stage("mesh", 1)
+        if line := told(self.design.muscle):
+            self._note(line)
         mesh = self._timed("mesh", self._mesh)
         self.reporter.advance(f"{mesh.n_elements} elements, {mesh.n_unknowns} unknowns")
         if missing := pardiso_missing():
@@ -157,11 +162,16 @@ class _Job:
         summary = self._summary(mesh, solver, coarse)
         self._write_tables(summary)
         if self.complete:
+            self.muscle = self._timed("muscle", lambda: muscle_findings(self.design, mesh, self.folder.path))
+            summary["muscle"] = self.muscle.numbers
+            for note in self.muscle.notes:
+                self._note(note)
             self._timed("pictures", lambda: self._show(summary))
         summary["notes"] = self.notes
         summary["timings_s"] = {**self.timings, "total": round(time.perf_counter() - self.began, 3)}
         if self.complete:
-            outputs.write_run_report(self.folder.path, summary, self.figures, self.design)
+            self.figures += self.muscle.figures
+            outputs.write_run_report(self.folder.path, summary, self.figures, self.design, self.muscle.tables)
             self.reporter.advance("report")
         self.folder.close(summary)
         return summary
@@ -329,11 +339,7 @@ class _Job:
             state["muscle_work_uJ"] = -0.5 * (before + tension) * (length_now - length)
 
     def _write_tables(self, summary: dict[str, Any]) -> None:
-        tables = self.folder.path / "tables"
-        try:
-            tables.mkdir(exist_ok=True)
-        except OSError as error:
-            raise file_error(error, tables) from None
+        tables = outputs.tables_folder(self.folder.path)
         solid = summary["solid"]
         outputs.write_table(tables / "states.csv", solid["states"])
         for name in ("comparison", "error_estimate"):

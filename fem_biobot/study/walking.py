@@ -17,6 +17,7 @@ import numpy as np
 
 from fem_biobot.config import digest, to_toml
 from fem_biobot.design import Design
+from fem_biobot.design_tissue import told
 from fem_biobot.errors import BiobotError, DesignError, FileError, SolveError
 from fem_biobot.files import write_json, write_text
 from fem_biobot.muscle.drive import paper_amplitude
@@ -145,6 +146,8 @@ def walk_design(
         }
 
     folder.open()
+    if line := told(design.muscle):
+        note(line)
     write_text(folder.path / "design.toml", to_toml(design))
     try:
         for found in walks_of(design, plan, folder, reporter, note):

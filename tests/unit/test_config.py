@@ -395,7 +395,7 @@ def test_the_resolved_file_holds_every_key_of_its_kind_with_units() -> None:
     optional = {name for name, key in keys().items() if key.field.default is None and key.quantity is not None}
     assert {"ground.viscosity", "muscle.optimal_stretch", "skeleton.material.c2"} < optional
     # sections that this machine does not have
-    absent = {name for name in keys() if name.startswith(("walker.", "muscle.oxygen."))}
+    absent = {name for name in keys() if name.startswith(("walker.", "muscle.oxygen.", "muscle.tissue."))}
     assert set(written) == set(keys()) - {"muscle.junction_length", "load.tip_force"} - optional - absent
     for name, value in written.items():
         quantity = keys()[name].quantity
@@ -495,7 +495,9 @@ def test_the_geometry_digest_sees_shape_alone() -> None:
     lengths = [
         name
         for name, key in keys().items()
-        if name.startswith(("skeleton.", "muscle.")) and str(key.field.description).endswith("[mm]")
+        if name.startswith(("skeleton.", "muscle."))
+        and str(key.field.description).endswith("[mm]")
+        and not name.startswith("muscle.tissue.")
     ]
     lengths.remove("muscle.junction_length")
     for name in lengths:
@@ -504,6 +506,9 @@ def test_the_geometry_digest_sees_shape_alone() -> None:
     assert len(lengths) == 14
     assert len(seen) == len(lengths) + 2
     assert len({geometry_digest(load_design(name)) for name in NAMES}) == len(NAMES)
+    seeded = load_design("junction_bot", ["muscle.tissue.seeded_width=7 mm"])
+    stated = load_design("junction_bot", [f"muscle.junction_width={seeded.value('muscle.junction_width')!r} mm"])
+    assert geometry_digest(seeded) == geometry_digest(stated)
 
 
 # ---------------------------------------------------------------- the schema

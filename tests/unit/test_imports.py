@@ -41,6 +41,7 @@ FORBIDDEN = {
     "view": ("solid", "rod", "study", "verification", "cli"),
     "design": ("mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
     "design_parts": ("mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
+    "design_tissue": ("mesh", "solid", "rod", "material", "study", "view", "verification", "cli"),
     "design_checks": ("mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
     "config": ("mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
     "study": ("verification", "cli", "jobs", "progress"),
@@ -126,6 +127,17 @@ def test_parts_do_not_know_what_is_above_them(part: str) -> None:
     for source in own:
         known = {name.split(".")[1] for name, _ in imports(source) if name.startswith("fem_biobot.")}
         assert known.isdisjoint(FORBIDDEN[part]), f"{source} imports {sorted(known & set(FORBIDDEN[part]))}"
+
+
+@pytest.mark.parametrize("source", ["muscle/compaction.py", "muscle/maturation.py"])
+def test_laws_that_designs_ask_for_are_numbers_alone(source: str) -> None:
+    """What follows from a tissue is computed without anything of the package but its errors.
+
+    Catches: a design that drags the solvers in.
+    """
+    assert {name for name, _ in imports(source) if name.startswith("fem_biobot")} <= {
+        "fem_biobot.errors", "fem_biobot.errors.DesignError",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("source", ["verification/beam.py", "verification/manufactured.py"])

@@ -1,0 +1,54 @@
+"""What a run tells of its muscle as tissue: the drive always, oxygen and seeding where the design has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fem_biobot.design import Design
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.study.finding import Finding, write_series
+from fem_biobot.study.muscle_drive import drive_finding
+from fem_biobot.study.muscle_oxygen import oxygen_finding
+from fem_biobot.study.muscle_tissue import tissue_finding
+from fem_biobot.study.outputs import figures_folder
+from fem_biobot.view.report import Table
+
+
+@dataclass(frozen=True)
+class MuscleFindings:
+    """Findings of all subjects as a run takes them.
+
+    Attributes
+    ----------
+    numbers
+        For the summary, by subject.
+    tables, figures, notes
+        For the report, in order.
+    """
+
+    numbers: dict[str, dict[str, Any]] = field(default_factory=dict)
+    tables: list[Table] = field(default_factory=list)
+    figures: list[tuple[Path, str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def muscle_findings(design: Design, mesh: BodyMesh, folder: Path) -> MuscleFindings:
+    """Examine a design's muscle; tables and figures are written to a result's folder. Empty without a muscle."""
+    if design.muscle is None:
+        return MuscleFindings()
+    figures = figures_folder(folder)
+    found: dict[str, Finding] = {"drive": drive_finding(design, figures)}
+    if design.muscle.tissue is not None:
+        found["tissue"] = tissue_finding(design, figures)
+    if design.muscle.oxygen is not None:
+        found["oxygen"] = oxygen_finding(design, mesh, figures)
+    merged = MuscleFindings()
+    for subject, finding in found.items():
+        write_series(folder, finding)
+        merged.numbers[subject] = dict(finding.numbers)
+        merged.tables.extend((t.title, t.header, t.rows) for t in finding.tables)
+        merged.figures.extend(finding.figures)
+        merged.notes.extend(finding.notes)
+    return merged

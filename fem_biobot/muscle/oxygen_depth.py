@@ -142,3 +142,38 @@ def section(law: OxygenLaw, width: float, thickness: float, across: int = 48) ->
     middle = mesh.p[:, mesh.facets].mean(axis=1)
     wet = (np.abs(middle[0] - large) < 1e-9 * large) | (np.abs(middle[1] - small) < 1e-9 * small)
     return steady_oxygen(mesh, law, np.flatnonzero(wet))
+
+
+def consumption_for(share: Callable[[OxygenLaw], float], law: OxygenLaw, gamma: float) -> float:
+    """Consumption at which the viable share of some tissue falls to `gamma` [mM/s].
+
+    Parameters
+    ----------
+    share
+        Viable share of the tissue under a law, falling with its consumption.
+    law
+        The law, whose own consumption is where the search begins.
+    gamma
+        Wanted, between 0 and 1 [1].
+
+    Raises
+    ------
+    ModelError
+        A share that is not between 0 and 1, or that no consumption up to a million times the first one reaches.
+    """
+    if not 0.0 < gamma < 1.0:
+        raise ModelError(f"gamma: found {gamma:g}, expected a share between 0 and 1")
+
+    def over(log: float) -> float:
+        return share(replace(law, consumption=math.exp(log))) - gamma
+
+    low = math.log(law.consumption)
+    step = math.log(2.0)
+    while over(low) < 0.0:
+        low -= step
+    high = low + step
+    while over(high) > 0.0:
+        high += step
+        if high > low + 20.0 * step:
+            raise ModelError(f"gamma: found a share above {gamma:g} at any consumption, expected one that falls to it")
+    return math.exp(_root(over, high - step, high, 1e-5))

@@ -18,6 +18,7 @@ from fem_biobot.muscle import oxygen as module
 from fem_biobot.muscle.oxygen import OxygenField, OxygenLaw, steady_oxygen
 from fem_biobot.muscle.oxygen_depth import (
     anoxic_radius,
+    consumption_for,
     critical_thickness,
     largest_thickness,
     section,
@@ -223,3 +224,17 @@ def test_conjugate_gradients_give_the_same_field(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(module, "cg", lambda *_, **__: (None, 1))
     with pytest.raises(SolveError, match="conjugate gradients did not solve"):
         steady_oxygen(plate, LAW)
+
+
+def test_consumption_for_a_share_inverts_the_share() -> None:
+    """The consumption found gives the share asked for; a share that does not fall, or is none, is refused.
+
+    Catches: a search that stops at its first bracket.
+    """
+    law = replace(LAW, film=None)
+    found = consumption_for(lambda here: slab_gamma(here, 0.6), law, 0.83)
+    assert slab_gamma(replace(law, consumption=found), 0.6) == pytest.approx(0.83, abs=1e-3)
+    with pytest.raises(ModelError, match="gamma: found 0, expected a share"):
+        consumption_for(lambda here: 1.0, law, 0.0)
+    with pytest.raises(ModelError, match=r"gamma: found a share above 0\.9 at any"):
+        consumption_for(lambda here: 1.0, law, 0.9)

@@ -1,0 +1,256 @@
+"""Cross-check of a design: solid and rods at the same tensions, nothing fitted, beside what was expected beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fem_biobot.design import Design
+from fem_biobot.errors import DesignError, ModelError
+from fem_biobot.link.expected import Expectation, Interval, expect
+from fem_biobot.link.modes import Pair, paired, seen_positions
+from fem_biobot.link.observed import Observed
+from fem_biobot.link.rod_side import RodSide
+from fem_biobot.link.sections import MeshSections, sections_from_mesh, with_sections
+from fem_biobot.link.solid_side import SolidSide
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.rod.reduce import PlateFactor, reduce
+from fem_biobot.study.reporter import Reporter, Silent
+
+# shares of the passive tension at which both are solved, besides that and full drive
+SHARES = (0.05, 0.25, 0.5, 0.75)
+QUANTITIES = (
+    "muscle_force_mN",
+    "tip_closing_mm",
+    "sagitta_mm",
+    "pillar_rotation_deg",
+    "curvature_1_per_mm",
+    "strain_energy_uJ",
+    "fibre_stretch_1",
+)
+MODES = 3
+_BEAM_ELEMENTS = 16  # as the stations
+# no difference may be expected to be larger than this
+LARGEST_EXPECTED = 0.3
+
+
+class Stiffness(StrEnum):
+    """Where the rods' section constants come from.
+
+    closed_form
+        Section and modulus of the beam, as `reduce` has them.
+    mesh
+        Unit loads on the solid's skeleton, see `link.sections`.
+    """
+
+    closed_form = "closed_form"
+    mesh = "mesh"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity at one tension in both models.
+
+    Attributes
+    ----------
+    tension
+        [kPa]
+    quantity
+        With its unit as suffix.
+    stiffness
+        Of the rods.
+    solid, rods
+        Values.
+    expected
+        Least and most of ``solid / rods - 1`` [1], stated beforehand; None where nothing was.
+    """
+
+    tension: float
+    quantity: str
+    stiffness: Stiffness
+    solid: float
+    rods: float
+    expected: Interval | None
+
+    @property
+    def difference(self) -> float:
+        """``solid / rods - 1`` [1]; of the fibre stretch, of its distance from 1."""
+        base = 1.0 if self.quantity == "fibre_stretch_1" else 0.0
+        return (self.solid - base) / (self.rods - base) - 1.0 if self.rods != base else float("nan")
+
+    @property
+    def within(self) -> bool | None:
+        """Whether the difference lies where it was expected; None where nothing was."""
+        if self.expected is None:
+            return None
+        return self.expected[0] <= self.difference <= self.expected[1]
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """Solid and rods of one design.
+
+    Attributes
+    ----------
+    design
+        Of both.
+    expectation
+        Differences stated beforehand, for rods in closed form.
+    solid
+        States of the solid, by rising tension.
+    rods
+        States of the rods with each stiffness, at the same tensions.
+    sections
+        Stiffnesses from the mesh beside the closed forms.
+    modes
+        Motions about the passive state, for each stiffness.
+    mesh
+        Elements and unknowns of the solid.
+    notes
+        What was used instead of what.
+    """
+
+    design: Design
+    expectation: Expectation
+    solid: tuple[Observed, ...]
+    rods: dict[Stiffness, tuple[Observed, ...]]
+    sections: MeshSections
+    modes: dict[Stiffness, tuple[Pair, ...]]
+    mesh: dict[str, int]
+    notes: tuple[str, ...] = field(default=())
+
+    def rows(self, stiffness: Stiffness = Stiffness.closed_form) -> list[Row]:
+        """Every quantity at every tension that both models reached, then the stroke."""
+        expected = self.expectation.of if stiffness is Stiffness.closed_form else {}
+        both = list(zip(self.solid, self.rods[stiffness], strict=False))
+        found = [
+            Row(a.tension, name, stiffness, a.numbers[name], b.numbers[name], expected.get(name))
+            for a, b in both
+            for name in QUANTITIES
+        ]
+        if len(both) >= 2 and self.design.value("muscle.active_tension") > 0.0 and len(both) == len(SHARES) + 2:
+            (solid0, rods0), (solid1, rods1) = both[-2:]
+            name = "tip_closing_mm"
+            strokes = [b.numbers[name] - a.numbers[name] for a, b in ((solid0, solid1), (rods0, rods1))]
+            found.append(Row(solid1.tension, "stroke_mm", stiffness, *strokes, expected.get(name)))
+        return found
+
+
+def tensions_of(design: Design) -> list[float]:
+    """Nominal tensions at which a design is cross-checked, rising [kPa]."""
+    passive, peak = design.tension(0.0), design.tension(design.drive.amplitude)
+    if not peak > 0.0:
+        raise DesignError(f"muscle: found no tension (peak {peak:g} kPa), expected one to cross-check with")
+    standing = passive if passive > 0.0 else peak
+    wanted = [*(share * standing for share in SHARES), standing]
+    return [*wanted, peak] if peak > wanted[-1] else wanted
+
+
+def crosscheck(
+    design: Design,
+    mesh: BodyMesh | None = None,
+    *,
+    tensions: Sequence[float] | None = None,
+    plate_factor: PlateFactor | str = PlateFactor.none,
+    reporter: Reporter | None = None,
+) -> CrossCheck:
+    """Solve a design as a solid and as rods at the same tensions, and set them side by side.
+
+    Parameters
+    ----------
+    design
+        A bot of two pillars with a junction, tissue as moulded.
+    mesh
+        Of the solid; by default the design's own.
+    tensions
+        Nominal, rising [kPa]; by default shares of the passive tension, the passive and the peak one.
+    plate_factor
+        Reading of the rods' beam, see `PlateFactor`.
+    reporter
+        Told of stages, states and notes.
+
+    Returns
+    -------
+    CrossCheck
+        Rows with differences, beside what was expected beforehand.
+
+    Raises
+    ------
+    ModelError, DesignError
+        Another kind of machine, remodelled tissue, tension that rods cannot have.
+    SolveError
+        A model that finds no state at all.
+
+    Notes
+    -----
+    Both float, without weight. The rods get no number of the solid; with `Stiffness.mesh` their beam has the section
+    constants that unit loads on the skeleton's mesh give, and nothing else changes.
+    """
+    reporter = reporter or Silent()
+    factor = PlateFactor(plate_factor)
+    expectation = expect(design, plate=factor is PlateFactor.plane_strain)
+    if design.value("muscle.reference") != "as_moulded":
+        raise ModelError(
+            f"muscle.reference: found {design.value('muscle.reference')}, expected as_moulded for a cross-check: the "
+            "natural length of remodelled tissue is each model's own"
+        )
+    levels = list(tensions) if tensions is not None else tensions_of(design)
+    if not levels or any(not T > 0.0 for T in levels) or any(b <= a for a, b in pairwise(levels)):
+        raise ModelError(f"tensions: found {levels}, expected some above 0 kPa that rise")
+    rods = reduce(design, beam_elements=_BEAM_ELEMENTS, plate_factor=factor)
+    notes: list[str] = []
+    if mesh is None:
+        mesh, more = mesh_for(design)
+        notes += more
+    sides: dict[Stiffness, RodSide] = {}
+    reporter.stage("sections from the mesh", 1)
+    sections = sections_from_mesh(design, mesh)
+    reporter.advance("unit loads")
+    sides[Stiffness.closed_form] = RodSide(design, rods)
+    sides[Stiffness.mesh] = RodSide(design, with_sections(rods, sections))
+    solid = SolidSide(design, mesh)
+    reporter.stage("solid and rods at the same tensions", len(levels) + len(sides))
+    observed, states = solid.states(levels, reporter)
+    by_rods = {name: side.states(levels, reporter) for name, side in sides.items()}
+    # about the passive state, or the last that all reached
+    standing = levels.index(design.tension(0.0)) if design.tension(0.0) in levels else len(levels) - 1
+    common = min(standing, len(states) - 1, *(len(found) - 1 for _, found in by_rods.values()))
+    reporter.stage(f"natural motions at {levels[common]:.3g} kPa", 1 + len(sides))
+    at = seen_positions(design)
+    moving = solid.motions(states[common], at, MODES)
+    reporter.advance("solid")
+    pairs: dict[Stiffness, tuple[Pair, ...]] = {}
+    for name, side in sides.items():
+        pairs[name] = tuple(paired(moving, side.motions(by_rods[name][1][common], at, 2 * MODES), MODES))
+        reporter.advance(f"rods, {name.replace('_', ' ')}")
+    return CrossCheck(
+        design,
+        expectation,
+        tuple(observed),
+        {name: tuple(found) for name, (found, _) in by_rods.items()},
+        sections,
+        pairs,
+        {"elements_1": mesh.n_elements, "unknowns_1": solid.model.n_dofs},
+        tuple(notes),
+    )
+
+
+def curvature_rows(found: CrossCheck) -> list[dict[str, Any]]:
+    """Curvature along the beam at the last common tension, one row a stretch."""
+    last = min(len(found.solid), *(len(states) for states in found.rods.values())) - 1
+    x = np.linspace(-found.design.span / 2, found.design.span / 2, len(found.solid[last].curvature) + 1)
+    middle = 0.5 * (x[1:] + x[:-1])
+    return [
+        {
+            "x_mm": float(middle[i]),
+            "solid_1_per_mm": float(found.solid[last].curvature[i]),
+            **{f"rods_{name}_1_per_mm": float(states[last].curvature[i]) for name, states in found.rods.items()},
+        }
+        for i in range(len(middle))
+    ]

@@ -1,0 +1,100 @@
+"""States and natural motions of the solid, as the cross-check observes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fem_biobot.design import Design
+from fem_biobot.errors import SolveError
+from fem_biobot.link.modes import Motions
+from fem_biobot.link.observed import Array, Observed, Points, drawn_points, observed, rotation
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.muscle.fibres import in_junction
+from fem_biobot.solid.from_design import densities, tension_step
+from fem_biobot.solid.measures import Measurer
+from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, interpolation, solve
+from fem_biobot.solid.modes import modes
+from fem_biobot.study.reporter import Reporter
+
+_RIGID = 6
+
+
+@dataclass(frozen=True)
+class SolidSide:
+    """The solid of a design on one mesh."""
+
+    design: Design
+    mesh: BodyMesh
+
+    @cached_property
+    def model(self) -> SolidModel:
+        """What is solved."""
+        return SolidModel.from_design(self.design, self.mesh)
+
+    @cached_property
+    def _measurer(self) -> Measurer:
+        return Measurer(self.design, self.model)
+
+    def _weights(self, positions: Array) -> Array:
+        """Interpolation at positions (p, 3), (n, p)."""
+        return np.array([interpolation(self.model.system, X) for X in positions]).T
+
+    @cached_property
+    def _marks(self) -> Points:
+        """Interpolation weights in place of positions, (p, n)."""
+        drawn = drawn_points(self.design)
+        return Points(*(self._weights(p).T for p in (drawn.lower, drawn.upper, drawn.tops, drawn.soles)))
+
+    def points(self, state: SolidState) -> Points:
+        """Positions of the observed points in a state."""
+        x = (self.model.system.space.points + state.u).T
+        return Points(*(w @ x for w in (self._marks.lower, self._marks.upper, self._marks.tops, self._marks.soles)))
+
+    def states(self, tensions: Sequence[float], reporter: Reporter) -> tuple[list[Observed], list[SolidState]]:
+        """Equilibria at tensions that rise [kPa]; fewer if the body finds none further on."""
+        found: list[SolidState] = []
+
+        def keep(state: SolidState) -> None:
+            found.append(state)
+            reporter.advance(f"solid at {tensions[len(found) - 1]:.3g} kPa")
+
+        try:
+            solve(self.model, [tension_step(self.design, T) for T in tensions], on_state=keep)
+        except SolveError as failure:
+            if not (isinstance(failure.best, SolidSolution) and found):
+                raise
+            reporter.note(f"solid: nothing above {tensions[len(found) - 1]:.3g} kPa: {failure}")
+        return [self._observe(s, T) for s, T in zip(found, tensions, strict=False)], found
+
+    def _observe(self, state: SolidState, tension: float) -> Observed:
+        measure = self._measurer
+        return observed(
+            self.design,
+            tension,
+            self.points(state),
+            muscle_force_mN=measure.muscle_force(state),
+            tip_closing_mm=measure.tip_closing(state),
+            sagitta_mm=measure.sagitta(state),
+            strain_energy_uJ=self._energy(state),
+            fibre_stretch_1=measure.fibre_stretch(state),
+        )
+
+    def _energy(self, state: SolidState) -> float:
+        """Passive energy of skeleton and junction [uJ]; the rods know nothing of what the rings store in themselves."""
+        system = self.model.system
+        passive = system.points(state.F, 0.0, state.pressure, moduli=False)
+        each = np.sum(passive.psi * system.space.dV, axis=1)
+        muscle = self.mesh.regions["muscle"]
+        centres = self.mesh.points[:, self.mesh.cells[:, muscle]].mean(axis=1)
+        return float(each[self.mesh.regions["skeleton"]].sum() + each[muscle[in_junction(self.design, centres)]].sum())
+
+    def motions(self, state: SolidState, at: Array, count: int) -> Motions:
+        """Slowest free motions about a state, seen at reference positions (p, 3) [mm]."""
+        found = modes(state, densities(self.design), count + _RIGID, free=True)
+        flexible = found.frequencies > 0.0
+        seen = np.einsum("cin,np->cpi", found.shapes[flexible], self._weights(at))
+        return Motions(found.frequencies[flexible], seen @ rotation(-self.points(state).tilt).T)

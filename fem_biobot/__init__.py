@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from fem_biobot.config import load_design
     from fem_biobot.design import Design
     from fem_biobot.errors import BiobotError, DesignError, FileError, MeshError, ModelError, SolveError
+    from fem_biobot.link.crosscheck import CrossCheck, crosscheck
     from fem_biobot.material.active import ActiveStress
     from fem_biobot.material.blemker import Blemker
     from fem_biobot.material.conventions import Convention
@@ -67,6 +68,7 @@ _HOMES = {
     "config": ("load_design",),
     "design": ("Design",),
     "errors": ("BiobotError", "DesignError", "FileError", "MeshError", "ModelError", "SolveError"),
+    "link.crosscheck": ("CrossCheck", "crosscheck"),
     "material.active": ("ActiveStress",),
     "material.blemker": ("Blemker",),
     "material.conventions": ("Convention",),
@@ -128,6 +130,7 @@ __all__ = [
     "BodyMesh",
     "ContactPoints",
     "Convention",
+    "CrossCheck",
     "Design",
     "DesignError",
     "Dispersion",
@@ -179,6 +182,7 @@ __all__ = [
     "Walk",
     "Yeoh",
     "build_mesh",
+    "crosscheck",
     "dynamics",
     "load_design",
     "measures",

@@ -168,6 +168,25 @@ app.command("solve")(_solving(False, "Solve for the states of a design: tables, 
 app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estimate, walking, comparison, report."))
 
 
+@app.command("crosscheck")
+def _crosscheck_command(
+    design: DesignName,
+    out: Out = None,
+    size: Size = None,
+    mesh: MeshFile = None,
+    rename: Rename = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Solve a design as a solid and as rods at the same tensions: how far they agree, and why they differ."""
+    _check_options(mesh, rename, size)
+    order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
+    return partial(jobs.crosscheck, order)
+
+
 @app.command("verify")
 def _verify_command(
     cases: Annotated[

@@ -106,6 +106,45 @@ def walk(order: Order, walking: WalkOrder) -> int:
     return 0
 
 
+def crosscheck(order: Order) -> int:
+    """Solid and rods of a design side by side."""
+    from fem_biobot.config import load_design
+    from fem_biobot.design_checks import refuse_without_solid
+
+    design, size, names = load_design(order.design, order.sets), mesh_size(order.size), region_names(order.rename)
+    refuse_without_solid(design, "cross-check")
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_crosscheck")
+
+    from fem_biobot.link.expected import expect
+
+    expect(design)  # refuses other machines before anything is meshed
+
+    from fem_biobot.mesh.files import mesh_for, read_mesh
+    from fem_biobot.solid.compiling import compile_kernels
+    from fem_biobot.study.crosscheck import crosscheck_finding
+    from fem_biobot.study.finding import Finding, examine, tables_of
+
+    design = design if size is None else design.with_values({"mesh.size": size})
+
+    which = "generated" if order.mesh_file is None else str(order.mesh_file)
+
+    def job(reporter: Reporter) -> dict[str, Any]:
+        def work(design: Design, figures: Path) -> Finding:
+            notes: list[str] = []
+            if order.mesh_file is not None:
+                mesh = read_mesh(order.mesh_file, names or None, design=design)
+            else:
+                mesh, notes = mesh_for(design)
+            compile_kernels(reporter, design.mesh.element)
+            return crosscheck_finding(design, mesh, figures, reporter, notes)
+
+        return examine(design, folder, "crosscheck", work, mesh=which, kind="", force=order.force, reporter=reporter)
+
+    summary = worked(order, folder, job)
+    show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    return 0
+
+
 def worked(order: Order, folder: Path, work: Callable[[Reporter], dict[str, Any]]) -> dict[str, Any]:
     """Summary of a job that is told of while it runs; its end says where to find what was reached."""
     from fem_biobot.progress import reporting

@@ -14,9 +14,10 @@ from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, ModelError
 from fem_biobot.link.expected import Expectation, Interval, expect
 from fem_biobot.link.modes import Pair, paired, seen_positions
-from fem_biobot.link.observed import Observed
+from fem_biobot.link.observed import Array, Observed
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.sections import MeshSections, sections_from_mesh, with_sections
+from fem_biobot.link.shapes import rod_outline, solid_outline
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
@@ -112,6 +113,8 @@ class CrossCheck:
         Motions about the passive state, for each stiffness.
     mesh
         Elements and unknowns of the solid.
+    outlines
+        Name of a state to the solid's surface and the rods' lines from the side, for pictures.
     notes
         What was used instead of what.
     """
@@ -123,6 +126,7 @@ class CrossCheck:
     sections: MeshSections
     modes: dict[Stiffness, tuple[Pair, ...]]
     mesh: dict[str, int]
+    outlines: dict[str, tuple[Array, list[Array]]] = field(default_factory=dict)
     notes: tuple[str, ...] = field(default=())
 
     def rows(self, stiffness: Stiffness = Stiffness.closed_form) -> list[Row]:
@@ -137,8 +141,8 @@ class CrossCheck:
         if len(both) >= 2 and self.design.value("muscle.active_tension") > 0.0 and len(both) == len(SHARES) + 2:
             (solid0, rods0), (solid1, rods1) = both[-2:]
             name = "tip_closing_mm"
-            strokes = [b.numbers[name] - a.numbers[name] for a, b in ((solid0, solid1), (rods0, rods1))]
-            found.append(Row(solid1.tension, "stroke_mm", stiffness, *strokes, expected.get(name)))
+            solid, rods = (b.numbers[name] - a.numbers[name] for a, b in ((solid0, solid1), (rods0, rods1)))
+            found.append(Row(solid1.tension, "stroke_mm", stiffness, solid, rods, expected.get(name)))
         return found
 
 
@@ -229,6 +233,14 @@ def crosscheck(
     for name, side in sides.items():
         pairs[name] = tuple(paired(moving, side.motions(by_rods[name][1][common], at, 2 * MODES), MODES))
         reporter.advance(f"rods, {name.replace('_', ' ')}")
+    plain = Stiffness.closed_form
+    outlines = {
+        f"{levels[i]:.3g} kPa": (
+            solid_outline(solid, states[i]),
+            rod_outline(sides[plain], design, by_rods[plain][1][i]),
+        )
+        for i in sorted({common, min(len(states), len(by_rods[plain][1])) - 1})
+    }
     return CrossCheck(
         design,
         expectation,
@@ -237,6 +249,7 @@ def crosscheck(
         sections,
         pairs,
         {"elements_1": mesh.n_elements, "unknowns_1": solid.model.n_dofs},
+        outlines,
         tuple(notes),
     )
 

@@ -94,7 +94,7 @@ def causes(design: Design, *, plate: bool = False) -> tuple[Cause, ...]:
     """
     s, m = design.skeleton, design.muscle
     if design.kind != "bot" or s is None or m is None or s.pillar_count != 2 or m.layout != "junction":
-        raise ModelError(f"{design.name}: found no bot of two pillars with a junction, expected one for a cross-check")
+        raise ModelError(f"{design.name}: found no bot of two pillars with a muscle, expected one for a cross-check")
     nu, h, span = s.material.poisson, s.beam_thickness, design.span
     stiffer = nu**2
     plate_of: Interval = (0.0, stiffer / (1.0 - stiffer)) if plate else (-stiffer, 0.0)
@@ -165,11 +165,15 @@ def _law(design: Design) -> Interval:
 def expect(design: Design, *, plate: bool = False) -> Expectation:
     """Expected differences of closing, force, sagitta, rotation, energy, curvature and frequency.
 
+    None for a muscle that is one ring around both pillars: no closed form is stated for it.
+
     Raises
     ------
     ModelError
         As `causes`.
     """
+    if design.kind == "bot" and design.value("muscle.layout") == "ring":
+        return Expectation((), math.nan, {})
     found = causes(design, plate=plate)
     bending, tissue = skeleton_stiffness(design), tissue_stiffness(design)
     w = bending / (bending + tissue)

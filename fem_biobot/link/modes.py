@@ -72,6 +72,12 @@ def paired(solid: Motions, rods: Motions, count: int) -> list[Pair]:
 
 
 def kind(shape: Array) -> str:
-    """Whether points (p, 3) move in the plane of the machine or across it."""
-    inside, across = (shape[:, (0, 2)] ** 2).sum(), (shape[:, 1] ** 2).sum()
+    """Whether points (p, 3), seen as in `seen_positions`, move in the plane of the machine or across it.
+
+    Of a mirrored pair of corners, the mean along x and z is motion in the plane, their difference a turn out of it.
+    """
+    corners, beam = shape[:8].reshape(4, 2, 3), shape[8:]
+    mean, half = corners.mean(axis=1), 0.5 * (corners[:, 1] - corners[:, 0])
+    inside = (mean[:, (0, 2)] ** 2).sum() + (half[:, 1] ** 2).sum() + (beam[:, (0, 2)] ** 2).sum()
+    across = (mean[:, 1] ** 2).sum() + (half[:, (0, 2)] ** 2).sum() + (beam[:, 1] ** 2).sum()
     return "in plane" if inside > across else "across"

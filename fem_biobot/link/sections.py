@@ -114,7 +114,8 @@ def sections_from_mesh(design: Design, mesh: BodyMesh) -> MeshSections:
     points = _points(design, *loaded(Traction("foot_long", linear)))
     inward = points.pillar_turns
     # of the pillar on the left, the sections, and the pillar on the right, from x towards z
-    bent = np.diff(np.array([inward[0], *points.turns, -inward[1]])) / couple
+    turned = np.array([inward[0], *points.turns, -inward[1]])
+    bent = (turned[1:] - turned[:-1]) / couple
     for axis in range(3):
         pull = np.zeros(3)
         pull[axis] = force / area.sum()

@@ -16,8 +16,9 @@ from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.fibres import in_junction
 from fem_biobot.solid.from_design import densities, tension_step
 from fem_biobot.solid.measures import Measurer
-from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, interpolation, solve
+from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
 from fem_biobot.solid.modes import modes
+from fem_biobot.solid.state import interpolation
 from fem_biobot.study.reporter import Reporter
 
 _RIGID = 6

@@ -61,6 +61,7 @@ def examine(
     work: Work,
     *,
     mesh: str = "none",
+    kind: str = "muscle",
     force: bool = False,
     reporter: Reporter | None = None,
 ) -> dict[str, Any]:
@@ -78,6 +79,8 @@ def examine(
         Does it, drawing its figures in the folder it is given.
     mesh
         Which mesh, where one is used.
+    kind
+        What the subject belongs to; nothing for one that stands by itself.
     force
         Redo what is there, also another design's result.
     reporter
@@ -94,7 +97,7 @@ def examine(
         Wrong input, or a folder that holds something else.
     """
     reporter = reporter or Silent()
-    job = {"kind": f"muscle {subject}", "design_digest": digest(design), "mesh": mesh}
+    job = {"kind": f"{kind} {subject}".strip(), "design_digest": digest(design), "mesh": mesh}
     folder = ResultFolder(out, job)
     if force:
         folder.clear()
@@ -125,7 +128,7 @@ def examine(
         list(finding.figures),
         [(t.title, t.header, t.rows) for t in finding.tables],
         [*finding.remarks, *finding.notes],
-        title=f"{design.name}: muscle {subject}",
+        title=f"{design.name}: {job['kind']}",
     )
     folder.close(summary)
     return summary

@@ -1,0 +1,232 @@
+"""The cross-check of a design as a result: tables, CSV files, plots of both models and their differences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fem_biobot.design import Design
+from fem_biobot.link.crosscheck import QUANTITIES, CrossCheck, Row, Stiffness, crosscheck, curvature_rows
+from fem_biobot.link.sections import Stiffnesses
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.study.finding import Finding
+from fem_biobot.study.reporter import Reporter
+from fem_biobot.tables import Table
+from fem_biobot.view.crosscheck import both_over, differences, overlaid
+
+_PANELS = {
+    "tip_closing_mm": "tip closing [mm]",
+    "muscle_force_mN": "muscle force [mN]",
+    "sagitta_mm": "sagitta [mm]",
+    "pillar_rotation_deg": "rotation of a pillar [deg]",
+}
+_WORDS = {
+    "muscle_force_mN": "muscle force [mN]",
+    "tip_closing_mm": "tip closing [mm]",
+    "sagitta_mm": "sagitta [mm]",
+    "pillar_rotation_deg": "pillar rotation [deg]",
+    "curvature_1_per_mm": "curvature, middle [1/mm]",
+    "strain_energy_uJ": "strain energy [uJ]",
+    "fibre_stretch_1": "fibre stretch [1]",
+    "stroke_mm": "stroke [mm]",
+}
+_MODELS = {Stiffness.closed_form: "rods", Stiffness.mesh: "rods, sections from the mesh"}
+
+
+def crosscheck_finding(
+    design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str] = ()
+) -> Finding:
+    """Solid and rods of a design at the same tensions, with what was expected beforehand."""
+    found = crosscheck(design, mesh, reporter=reporter)
+    rows = {stiffness: found.rows(stiffness) for stiffness in Stiffness}
+    plain = rows[Stiffness.closed_form]
+    judged = [row for row in plain if row.within is not None]
+    outside = [row for row in judged if not row.within]
+    tables = [_closest(rows, found), _modes(found), _sections(found), _causes(found)]
+    remarks = []
+    if judged:
+        remarks.append(f"{len(judged) - len(outside)} of {len(judged)} differences lie where they were expected")
+        remarks += [
+            f"outside: {_WORDS[row.quantity]} at {row.tension:.3g} kPa, {100.0 * row.difference:+.1f} %, expected "
+            f"{_percent(row.expected)}"
+            for row in outside
+        ]
+    else:
+        remarks.append("no difference was stated beforehand for a muscle that is one ring around both pillars")
+    return Finding(
+        _numbers(found, rows),
+        [table for table in tables if table.rows],
+        {
+            "crosscheck": [_as_row(row) for stiffness in Stiffness for row in rows[stiffness]],
+            "curvature": curvature_rows(found),
+            "modes": [
+                {"rods": name.value, "solid_Hz": p.solid, "rods_Hz": p.rods, "likeness_1": p.likeness, "motion": p.kind}
+                for name, pairs in found.modes.items()
+                for p in pairs
+            ],
+        },
+        _draw(found, plain, figures),
+        [*notes, *found.notes],
+        remarks,
+    )
+
+
+def _numbers(found: CrossCheck, rows: dict[Stiffness, list[Row]]) -> dict[str, object]:
+    """For the summary."""
+    return {
+        "mesh": dict(found.mesh),
+        "skeleton_share_1": None if np.isnan(found.expectation.skeleton_share) else found.expectation.skeleton_share,
+        "rows": [_as_row(row) for stiffness in Stiffness for row in rows[stiffness]],
+        "frequencies": [
+            {"rods": name.value, "solid_Hz": p.solid, "rods_Hz": p.rods, "likeness_1": p.likeness}
+            for name, pairs in found.modes.items()
+            for p in pairs
+        ],
+        "sections": {name: _stiffnesses(getattr(found.sections, name)) for name in ("closed_form", "mesh")},
+    }
+
+
+def _as_row(row: Row) -> dict[str, object]:
+    low, high = row.expected or (None, None)
+    return {
+        "tension_kPa": row.tension,
+        "quantity": row.quantity,
+        "rods": row.stiffness.value,
+        "solid_value": row.solid,
+        "rods_value": row.rods,
+        "difference_1": row.difference,
+        "expected_low_1": low,
+        "expected_high_1": high,
+        "within": row.within,
+    }
+
+
+def _stiffnesses(found: Stiffnesses) -> dict[str, float]:
+    return {
+        "EI_mN_mm2": found.EI,
+        "EI_middle_mN_mm2": found.EI_along[len(found.EI_along) // 2],
+        "EI_lateral_mN_mm2": found.EI_lateral,
+        "GJ_mN_mm2": found.GJ,
+        "EA_mN": found.EA,
+        "GA_mN": found.GA,
+    }
+
+
+def _percent(interval: tuple[float, float] | None) -> str:
+    return "" if interval is None else f"{100.0 * interval[0]:+.1f} to {100.0 * interval[1]:+.1f} %"
+
+
+def _closest(rows: dict[Stiffness, list[Row]], found: CrossCheck) -> Table:
+    """Both models at the lowest tension, at the highest, and the stroke."""
+    tensions = sorted({row.tension for row in rows[Stiffness.closed_form]})
+    shown = (tensions[0], tensions[-1])
+    other = {(row.tension, row.quantity): row for row in rows[Stiffness.mesh]}
+    lines = []
+    for row in rows[Stiffness.closed_form]:
+        if row.tension not in shown:
+            continue
+        own = other.get((row.tension, row.quantity))
+        lines.append(
+            (
+                row.tension,
+                _WORDS[row.quantity],
+                row.solid,
+                row.rods,
+                f"{100.0 * row.difference:+.1f} %",
+                _percent(row.expected),
+                {True: "yes", False: "no", None: ""}[row.within],
+                "" if own is None else f"{100.0 * own.difference:+.1f} %",
+            )
+        )
+    header = (
+        "tension [kPa]",
+        "quantity",
+        "solid",
+        "rods",
+        "solid/rods - 1",
+        "expected",
+        "within",
+        "sections from mesh",
+    )
+    return Table(f"Solid and rods, {found.mesh['unknowns_1']} unknowns", header, tuple(lines))
+
+
+def _modes(found: CrossCheck) -> Table:
+    lines = [
+        (_MODELS[name], p.kind, p.solid, p.rods, f"{100.0 * (p.solid / p.rods - 1.0):+.1f} %", p.likeness)
+        for name, pairs in found.modes.items()
+        for p in pairs
+    ]
+    header = ("rods", "motion", "solid [Hz]", "rods [Hz]", "solid/rods - 1", "likeness [1]")
+    return Table("Natural motions about the tensioned state", header, tuple(lines))
+
+
+def _sections(found: CrossCheck) -> Table:
+    mesh, closed = _stiffnesses(found.sections.mesh), _stiffnesses(found.sections.closed_form)
+    words = {
+        "EI_mN_mm2": "E I, whole span [mN mm^2]",
+        "EI_middle_mN_mm2": "E I, middle of the span [mN mm^2]",
+        "EI_lateral_mN_mm2": "E I across [mN mm^2]",
+        "GJ_mN_mm2": "G J [mN mm^2]",
+        "EA_mN": "E A [mN]",
+        "GA_mN": "k G A [mN]",
+    }
+    lines = [(words[key], closed[key], mesh[key], mesh[key] / closed[key]) for key in words]
+    return Table("Stiffness of the beam", ("", "closed form", "unit loads on the mesh", "ratio [1]"), tuple(lines))
+
+
+def _causes(found: CrossCheck) -> Table:
+    lines = [
+        (cause.name, _percent(cause.compliance), _percent(cause.tissue), cause.formula, cause.vanishes)
+        for cause in found.expectation.causes
+    ]
+    header = ("cause", "skeleton softer", "tissue stiffer", "formula", "vanishes with")
+    return Table("Why they differ, stated beforehand", header, tuple(lines))
+
+
+def _draw(found: CrossCheck, plain: list[Row], figures: Path) -> list[tuple[Path, str]]:
+    """Plots; every curve over the tensions that all models reached."""
+    name = found.design.name
+    count = min(len(found.solid), *(len(states) for states in found.rods.values()))
+    tension = [state.tension for state in found.solid[:count]]
+    panels = {
+        label: {
+            "solid": [state.numbers[key] for state in found.solid[:count]],
+            **{_MODELS[k]: [s.numbers[key] for s in states[:count]] for k, states in found.rods.items()},
+        }
+        for key, label in _PANELS.items()
+    }
+    both, apart = figures / "crosscheck.png", figures / "differences.png"
+    along, side = figures / "curvature.png", figures / "overlaid.png"
+    both_over(both, tension, panels, x="tension [kPa]", title=f"{name}: solid and rods")
+    kept = [key for key in QUANTITIES if key != "fibre_stretch_1"]
+    differences(
+        apart,
+        tension,
+        {_WORDS[k]: [r.difference for r in plain if r.quantity == k][:count] for k in kept},
+        {_WORDS[k]: band for k, band in found.expectation.of.items() if k in _WORDS},
+        title=f"{name}: difference, and where it was expected",
+    )
+    rows = curvature_rows(found)
+    curves = {"solid": "solid_1_per_mm", **{_MODELS[k]: f"rods_{k}_1_per_mm" for k in found.rods}}
+    both_over(
+        along,
+        [row["x_mm"] for row in rows],
+        {"curvature [1/mm]": {label: [row[key] for row in rows] for label, key in curves.items()}},
+        x="along the span [mm]",
+        title=f"{name}: curvature of the beam",
+    )
+    overlaid(
+        side,
+        {label: solid for label, (solid, _) in found.outlines.items()},
+        {label: lines for label, (_, lines) in found.outlines.items()},
+        title=f"{name}: solid (grey) and rods",
+    )
+    return [
+        (both, "Solid and rods at the same tensions; nothing is fitted."),
+        (apart, "Difference of the solid from the rods in closed form; grey: where it was expected beforehand."),
+        (along, "Curvature along the beam at the highest tension."),
+        (side, "Both from the side, at the standing tension and at full drive."),
+    ]

@@ -1,0 +1,121 @@
+"""Pictures of two models side by side: their measures over tension, differences beside expected bands, both shapes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from numpy.typing import ArrayLike, NDArray
+
+from fem_biobot.view.plots import COLOURS, INK, SOFT, _figure, _label, _legend, _pair, _save
+
+Array = NDArray[np.float64]
+
+
+def both_over(
+    path: str | os.PathLike[str],
+    tension: ArrayLike,
+    panels: Mapping[str, Mapping[str, ArrayLike]],
+    *,
+    x: str,
+    title: str,
+) -> None:
+    """One panel a quantity, one curve a model.
+
+    Parameters
+    ----------
+    path
+        PNG file.
+    tension
+        Abscissa of all curves, (t,).
+    panels
+        Name of the quantity with its unit to name of the model to values, (t,).
+    x, title
+        Name of the abscissa with its unit, and what stands above.
+
+    Raises
+    ------
+    FileError
+        Rows of different length or not finite; the file cannot be written.
+    """
+    figure, axes = _figure(len(panels), (3.3 * len(panels), 3.4))
+    for each, (name, curves) in zip(axes, panels.items(), strict=True):
+        for number, (model, values) in enumerate(curves.items()):
+            xs, ys = _pair(path, f"{name}, {model}", tension, values)
+            each.plot(xs, ys, "-o", color=COLOURS[number], linewidth=1.6, markersize=3.6, label=model)
+        _label(each, x, name)
+    _legend(axes[0])
+    _save(figure, path, title)
+
+
+def differences(
+    path: str | os.PathLike[str],
+    tension: ArrayLike,
+    found: Mapping[str, ArrayLike],
+    expected: Mapping[str, tuple[float, float]],
+    *,
+    title: str,
+) -> None:
+    """Relative differences over tension, one panel a quantity, each with the band in which it was expected.
+
+    `found` has a row (t,) for each quantity [1], `expected` the band of some of them [1].
+
+    Raises
+    ------
+    FileError
+        As `both_over`.
+    """
+    names = list(found)
+    figure, axes = _figure(len(names), (2.3 * len(names), 3.4))
+    for each, name in zip(axes, names, strict=True):
+        xs, ys = _pair(path, name, tension, found[name])
+        if name in expected:
+            low, high = expected[name]
+            each.axhspan(100.0 * low, 100.0 * high, color=SOFT, alpha=0.25, linewidth=0)
+        each.axhline(0.0, color=SOFT, linewidth=0.8)
+        each.plot(xs, 100.0 * ys, "-o", color=COLOURS[0], linewidth=1.6, markersize=3.6)
+        each.set_title(name, fontsize=8.5, color=INK)
+        _label(each, "tension [kPa]", "")
+    axes[0].set_ylabel("solid over rods, less 1 [%]", fontsize=9.5, color=INK)
+    _save(figure, path, title)
+
+
+def overlaid(
+    path: str | os.PathLike[str],
+    solid: Mapping[str, Array],
+    rods: Mapping[str, Sequence[Array]],
+    *,
+    title: str,
+) -> None:
+    """Both models from the side: the solid's surface in grey, the rods as lines, one panel a state.
+
+    Parameters
+    ----------
+    path
+        PNG file.
+    solid
+        Name of a state to the triangles of the surface in x and z, (f, 3, 2) [mm].
+    rods
+        Name of the same state to polylines, (p, 2) [mm] each.
+    title
+        Above the panels.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    figure, axes = _figure(len(solid), (4.2 * len(solid), 3.2))
+    for each, (name, triangles) in zip(axes, solid.items(), strict=True):
+        each.add_collection(PolyCollection(list(triangles), facecolors="0.75", edgecolors="none"))
+        for number, line in enumerate(rods.get(name, ())):
+            each.plot(line[:, 0], line[:, 1], "-", color=COLOURS[1], linewidth=1.4, label="" if number else "rods")
+        each.autoscale_view()
+        each.set_aspect("equal")
+        each.set_title(name, fontsize=8.5, color=INK)
+        _label(each, "x [mm]", "z [mm]")
+        # a place is given: looking for the best one among many triangles takes long
+        each.legend(loc="lower center", frameon=False, fontsize=8.5, labelcolor=INK)
+    _save(figure, path, title)

@@ -1,0 +1,135 @@
+"""The cross-check as a command, once, on a coarse mesh: what it says, writes and refuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fem_biobot.cli import main
+
+SIZE = "2.0"
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Folder and summary of the reference machine at one fifth of its tension, where differences are those stated."""
+    out = tmp_path_factory.mktemp("crosscheck") / "bot"
+    sets = ["--set", "muscle.passive_tension=1.8 kPa", "--set", "muscle.active_tension=0.26 kPa"]
+    assert main(["crosscheck", "junction_bot", "--size", SIZE, "--out", str(out), "--quiet", *sets]) == 0
+    return out, json.loads((out / "summary.json").read_text())
+
+
+def _rows(summary: dict[str, Any], rods: str) -> list[dict[str, Any]]:
+    return [row for row in summary["crosscheck"]["rows"] if row["rods"] == rods]
+
+
+def test_differences_lie_where_they_were_expected(result: tuple[Path, dict[str, Any]]) -> None:
+    """Every quantity that a band was stated for, with rods in closed form; at rising tension nearly.
+
+    The strip's ends turn with the pillars and lift its middle towards the beam, by up to the turn times
+    ``sqrt(E I / F)`` of the strip, 0.03 of the moment arm here: found afterwards, and not put into the bands.
+
+    Catches: the reaction of another section, a measure of another point, another tension in one model.
+    """
+    judged = [row for row in _rows(result[1], "closed_form") if row["within"] is not None]
+    assert len(judged) > 30
+    lowest = min(row["tension_kPa"] for row in judged)
+    for row in judged:
+        slack = 0.0 if row["tension_kPa"] == lowest else 0.03
+        low, high = row["expected_low_1"] - slack, row["expected_high_1"] + slack
+        assert low <= row["difference_1"] <= high, f"{row['quantity']} at {row['tension_kPa']:.3g} kPa"
+
+
+def test_the_mesh_gives_sections_between_their_bounds(result: tuple[Path, dict[str, Any]]) -> None:
+    """Mid-span the beam bends between E I and E I / (1 - nu^2); with the ends' yield it is softer as a whole.
+
+    Catches: a moment of another arm, turns of one pillar for those of both, stiffness across for that in the plane.
+    """
+    mesh, closed = (result[1]["crosscheck"]["sections"][name] for name in ("mesh", "closed_form"))
+    middle, whole = (mesh[k] / closed["EI_mN_mm2"] for k in ("EI_middle_mN_mm2", "EI_mN_mm2"))
+    assert 1.0 < middle < 1.0 / (1.0 - 0.45**2)
+    assert 0.85 * middle < whole < middle
+    # warping held at both ends stiffens torsion; yield at the ends softens stretch
+    assert 1.2 < mesh["GJ_mN_mm2"] / closed["GJ_mN_mm2"] < 2.5
+    assert 0.6 < mesh["EA_mN"] / closed["EA_mN"] < 1.0
+
+
+def test_sections_from_the_mesh_bring_the_models_together(result: tuple[Path, dict[str, Any]]) -> None:
+    """Sagitta and curvature at the lowest tension: a third of the difference that closed forms leave, or less.
+
+    Catches: sections that are computed and not used, bending given to the wrong director.
+    """
+    lowest = min(row["tension_kPa"] for row in result[1]["crosscheck"]["rows"])
+    for name in ("sagitta_mm", "curvature_1_per_mm"):
+        plain, mesh = (
+            next(
+                abs(r["difference_1"])
+                for r in _rows(result[1], rods)
+                if r["quantity"] == name and r["tension_kPa"] == lowest
+            )
+            for rods in ("closed_form", "mesh")
+        )
+        assert mesh < plain / 3.0
+
+
+def test_natural_motions_are_of_one_kind(result: tuple[Path, dict[str, Any]]) -> None:
+    """The slowest motions of both models are alike, and their frequencies near.
+
+    Catches: shapes seen in frames that differ, mass left out of one model.
+    """
+    pairs = result[1]["crosscheck"]["frequencies"]
+    assert len(pairs) == 6
+    assert min(pair["likeness_1"] for pair in pairs) > 0.98
+    assert all(0.8 < pair["solid_Hz"] / pair["rods_Hz"] < 1.4 for pair in pairs)
+
+
+def test_the_folder_holds_tables_pictures_and_a_report(result: tuple[Path, dict[str, Any]]) -> None:
+    """CSV of every row, four pictures, a page with them, and the resolved design.
+
+    Catches: a picture that is drawn and not written, rows without their band.
+    """
+    out, summary = result
+    assert {path.name for path in (out / "figures").glob("*.png")} == {
+        "crosscheck.png", "curvature.png", "differences.png", "overlaid.png",
+    }  # fmt: skip
+    with (out / "tables" / "crosscheck.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(summary["crosscheck"]["rows"])
+    assert float(rows[0]["expected_low_1"]) < float(rows[0]["expected_high_1"])
+    page = (out / "report.html").read_text()
+    assert "Why they differ" in page
+    assert (out / "design.toml").is_file()
+
+
+def test_a_result_that_is_there_is_shown_again(
+    result: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same command on the same folder prints the tables and computes nothing.
+
+    Catches: a result made twice, tables that need the models.
+    """
+    out, summary = result
+    before = (out / "summary.json").stat().st_mtime_ns
+    sets = ["--set", "muscle.passive_tension=1.8 kPa", "--set", "muscle.active_tension=0.26 kPa"]
+    assert main(["crosscheck", "junction_bot", "--size", SIZE, "--out", str(out), *sets]) == 0
+    told = capsys.readouterr().out
+    assert "solid/rods - 1" in told
+    assert "differences lie where they were expected" in told
+    assert (out / "summary.json").stat().st_mtime_ns == before
+    assert summary["complete"]
+
+
+def test_other_machines_are_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A strip has no rods to be checked against: exit code 2, nothing written.
+
+    Catches: a mesh made before the refusal, a traceback.
+    """
+    assert main(["crosscheck", "strip", "--out", str(tmp_path / "no")]) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert len(told) == 1
+    assert "two pillars" in told[0]
+    assert not (tmp_path / "no").exists()

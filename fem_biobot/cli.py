@@ -168,23 +168,35 @@ app.command("solve")(_solving(False, "Solve for the states of a design: tables, 
 app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estimate, walking, comparison, report."))
 
 
-@app.command("crosscheck")
-def _crosscheck_command(
-    design: DesignName,
-    out: Out = None,
-    size: Size = None,
-    mesh: MeshFile = None,
-    rename: Rename = None,
-    sets: Sets = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    force: Force = False,
-    debug: Debug = False,
-) -> Job:
-    """Solve a design as a solid and as rods at the same tensions: how far they agree, and why they differ."""
-    _check_options(mesh, rename, size)
-    order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
-    return partial(jobs.crosscheck, order)
+def _comparing(job: Callable[[jobs.Order], int], text: str) -> Callable[..., Job]:
+    """The commands `crosscheck` and `validate`, which take the same options."""
+
+    def command(
+        design: DesignName = "junction_bot",
+        out: Out = None,
+        size: Size = None,
+        mesh: MeshFile = None,
+        rename: Rename = None,
+        sets: Sets = None,
+        quiet: Quiet = False,
+        as_json: AsJson = False,
+        force: Force = False,
+        debug: Debug = False,
+    ) -> Job:
+        _check_options(mesh, rename, size)
+        order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
+        return partial(job, order)
+
+    command.__doc__ = text
+    return command
+
+
+app.command("crosscheck")(
+    _comparing(jobs.crosscheck, "Solve as a solid and as rods at the same tensions: how far they agree, and why not.")
+)
+app.command("validate")(
+    _comparing(jobs.validate, "Predict the paper's printed numbers: one verdict each, or why there is no prediction.")
+)
 
 
 @app.command("verify")

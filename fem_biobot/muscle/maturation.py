@@ -7,9 +7,8 @@ with the forces measured then, the section unchanged. Forces by day contain what
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Literal
-
-import numpy as np
 
 from fem_biobot.errors import DesignError
 
@@ -62,4 +61,7 @@ def _between(days: float, table: dict[float, float]) -> float:
         raise DesignError(
             f"days: found {days:g}, expected between {FIRST_DAY:g} and {LAST_DAY:g}, where forces were measured"
         )
-    return float(np.interp(days, list(table), list(table.values())))
+    # read with every design: numpy would make the command line slow to start
+    (low, high) = next((a, b) for a, b in pairwise(table) if days <= b)
+    share = (days - low) / (high - low)
+    return (1.0 - share) * table[low] + share * table[high]

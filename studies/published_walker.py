@@ -6,7 +6,7 @@ How does the machine of the published open rod code walk when it is rebuilt with
 published, corrected, and with each oddity alone? Which oddities carry its stroke? And how many processor seconds does a
 simulated second take, where the original code needs about a thousand?
 
-Run: ``python studies/published_walker.py [--level smoke|full] [--out FOLDER]``; about twenty minutes at level full.
+Run: ``python studies/published_walker.py [--level smoke|full] [--out FOLDER]``; twenty to sixty minutes at level full.
 """
 
 from __future__ import annotations
@@ -132,7 +132,9 @@ def expect(study: Study) -> None:
     """What must hold at every level."""
     rows = {row["machine"]: row for row in study.rows}
     for name, row in rows.items():
-        assert 0.02 < row["stroke_mm"] < 1.5, f"{name}: a stroke of {row['stroke_mm']:.3g} mm"
+        # an oddity alone may hold the feet fast, as friction counted twice does
+        least = 0.02 if name in (PUBLISHED, COURSE, CORRECTED) else 0.0
+        assert least < row["stroke_mm"] < 1.5, f"{name}: a stroke of {row['stroke_mm']:.3g} mm"
         assert abs(row["step_mm"]) < row["stroke_mm"], f"{name}: a step of {row['step_mm']:.3g} mm beyond its stroke"
         assert row["energy_error_1"] < 0.01, f"{name}: {row['energy_error_1']:.2g} of the energy is not explained"
         # a tenth of the original's, however slow the processor
@@ -147,18 +149,37 @@ def expect(study: Study) -> None:
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 FOUND = """
-Ten strokes at 2 Hz each, the first two left out of the means; processor seconds a simulated second on an otherwise idle
-core, the standing start included. The other rows of level full have not been looked at yet.
+Ten strokes at 2 Hz each, the first two left out of the means; an hour beside other work. Steps are means of eight
+strokes with their standard error; s/s are processor seconds a simulated second, the standing start included.
 
-                             stroke     advances per stroke [mm]                              s/s
-  as published, 2 ms         0.741 mm   between -0.117 and 0.138, mean of eight -0.047        8.6
-  as published, 1 ms         0.693 mm   between -0.011 and 0.201, mean of eight 0.038         10.9
-  corrected, 2 ms            0.085 mm   between -0.001 and 0.003, mean of eight 0.001         15.6
+                                   stroke      step [mm]            s/s
+  as published, 2 ms               0.711 mm    -0.047 +- 0.028      6.7
+  as published, from the drawing   0.723        0.005 +- 0.017      6.5
+  as published, 1 ms               0.663        0.038 +- 0.025      9.3
+  corrected, 2 ms                  0.082        0.0009 +- 0.0006   14.5
 
-The rebuilt machine costs about a hundredth of the original's thousand seconds. As published its feet hop: each stroke
-ends elsewhere, half the step leads to other strokes, and neither a direction nor a speed can be told from ten of them;
-the stroke of the feet changes by 7 % with the step. Corrected, with feet of real extent and Kelvin-Voigt damping, the
-same muscle moves the feet by an eighth of that, and the machine stays where it is within 0.001 mm a stroke.
+  one oddity in the corrected machine          one oddity taken out of the published one
+  centred_reaction    0.903   0.062 +- 0.031   centred_reaction    0.049   0.000 +- 0.001
+  halved_beam         0.328  -0.034 +- 0.016   halved_beam         0.708  -0.110 +- 0.019
+  yielding_joints     0.096   0.004            yielding_joints     0.699  -0.036 +- 0.006
+  overlapping_ends    0.092   0.004            overlapping_ends    0.679  -0.050 +- 0.022
+  doubled_shear       0.092   0.003            doubled_shear       0.703   0.073 +- 0.012
+  absolute_damping    0.092   0.005            absolute_damping    0.517   0.004 +- 0.033
+  smeared_step        0.084   0.005            smeared_step        0.763  -0.067 +- 0.009
+  floating_muscle     0.076   0.001            floating_muscle     0.757   0.230 +- 0.017
+  stiff_fibres        0.072   0.001            stiff_fibres        0.840  -0.018 +- 0.000
+  leg_node_contact    0.068   0.001            leg_node_contact    0.894  -0.193 +- 0.000
+  friction_twice      0.0008  0.000            (is not among those as published)
+
+* The ground's reaction without a moment carries the stroke: put into the corrected machine alone it makes eleven times
+  as much of it, taken out of the published one it leaves a fifteenth. With a moment a foot of real extent stands on its
+  edge before it slides; without one it turns freely. Half the beam's section makes four times the stroke, friction
+  counted twice holds the feet fast. No other oddity alone changes the corrected stroke by more than a fifth.
+* The step of the published machine is not told by ten strokes: its feet hop, each stroke ends elsewhere, half the step
+  leads to others. Without the floating muscle it would go at 0.46 mm/s, without the contact at leg nodes at -0.39 mm/s:
+  direction and speed are made by what the code does besides. The stroke changes by 7 % with the step.
+* Corrected, the machine stays where it is within 0.001 mm a stroke.
+* A simulated second costs 6.7 s where the original takes about a thousand.
 """
 
 

@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from fem_biobot.design import Design, Key, first_key, keys, section_type, sections, unknown_key
 from fem_biobot.design_checks import unused_keys
+from fem_biobot.design_parts import FILE_KEYS, OptionalText
 from fem_biobot.design_tissue import without_following
 from fem_biobot.errors import DesignError, FileError
 from fem_biobot.units import DIMENSIONS, format_quantity, one_line, parse_quantity, shown
@@ -25,6 +26,8 @@ from fem_biobot.units import DIMENSIONS, format_quantity, one_line, parse_quanti
 PRESETS = Path(__file__).parent / "presets"
 _ORDER = ("junction_bot", "ring_bot", "elastica_walker", "strip", "cantilever")
 _LARGEST_FILE = 1_000_000
+# what muscle.orientation gives
+_MEASURED = ("theta", "spread")
 _NUMBER_PATTERN = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 
 Table = dict[str, Any]
@@ -51,12 +54,13 @@ def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Desi
         Name of a preset, or path of a file. A file may start from another design with ``base = "junction_bot"`` (a
         preset, or a path beside the file) and give only the keys that differ.
     overrides
-        Texts such as ``muscle.theta=80 deg``, applied last, in order.
+        Texts such as ``muscle.theta=80 deg``, applied last, in order. Files in them are looked for in the current
+        folder, files that a design file names beside it.
 
     Raises
     ------
     FileError
-        No such preset or file, or it cannot be read.
+        No such preset or file, or it cannot be read; the same for files that it names.
     DesignError
         Not TOML, or not a design; one line with the key or the line, what was found and what was expected.
     """
@@ -67,7 +71,10 @@ def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Desi
         _make_room_for_tissue(table)
     for override in overrides:
         _apply(table, override)
-    return Design.model_validate(_values(table, ""))
+    design = Design.model_validate(_with_orientation(_values(table, "")))
+    for named in named_files(design).values():
+        content_of(named)
+    return design
 
 
 def to_toml(design: Design) -> str:
@@ -88,7 +95,10 @@ def to_toml(design: Design) -> str:
 
 
 def digest(design: Design) -> str:
-    """Sixteen hexadecimal characters that name what a design computes; blind to its name, units and key order."""
+    """Sixteen hexadecimal characters that name what a design computes; blind to its name, units and key order.
+
+    Of a file that the design names, its content counts and not where it lies.
+    """
     return _digest(design, [name for name in keys() if name not in ("name", "description")])
 
 
@@ -135,7 +145,9 @@ def _key_schema(key: Key) -> dict[str, Any]:
     default = key.field.default
     if key.quantity is None:
         kind = {"enum": list(key.choices)} if key.choices else {"type": "integer"}
-        schema = {"type": "string"} if key.field.annotation is str else kind
+        schema = {"type": "string"} if key.field.annotation in (str, OptionalText) else kind
+        if key.field.annotation == OptionalText:
+            return schema
         return schema if key.field.is_required() else {**schema, "default": default}
     unit = key.quantity.unit
     if unit == "1":
@@ -157,8 +169,29 @@ def _digest(design: Design, names: Sequence[str]) -> str:
     content = {name: design.value(name) for name in names if name not in unused}
     # -0.0 and 0.0 are the same design
     content = {k: v + 0.0 if isinstance(v, float) else v for k, v in content.items() if v is not None}
+    content |= {name: content_of(path) for name, path in named_files(design).items() if name in content}
     text = json.dumps(content, sort_keys=True, allow_nan=False, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def named_files(design: Design) -> dict[str, Path]:
+    """Files that a design names, by key."""
+    found = {name: design.value(name) for name in FILE_KEYS}
+    return {name: Path(text) for name, text in found.items() if text is not None and text not in FILE_KEYS[name]}
+
+
+def content_of(path: Path) -> str:
+    """What stands for a file in a digest.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+    try:
+        return "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise FileError(f"{one_line(str(path))}: cannot be read ({error.strerror}), which the design names") from None
 
 
 def _design_path(name_or_path: str | Path, folder: Path) -> Path:
@@ -214,6 +247,7 @@ def _resolved_table(path: Path, seen: tuple[Path, ...]) -> Table:
     if here in seen:
         raise DesignError(f"base: found {path.name}, which leads back to itself, expected a preset or another file")
     table = _read_table(path)
+    _place_files(table, path.parent)
     base = table.pop("base", None)
     if base is None:
         return table
@@ -233,8 +267,30 @@ def _make_room_for_tissue(table: Table) -> None:
         table["muscle"] = without_following(table["muscle"])
 
 
+def _place_files(table: Table, folder: Path) -> None:
+    """Names of files in a table made absolute, in place; they are beside the file that names them."""
+    for key, words in FILE_KEYS.items():
+        section, _, name = key.rpartition(".")
+        inside = table.get(section)
+        if not isinstance(inside, dict):
+            continue
+        text = inside.get(name)
+        if isinstance(text, str) and text and text not in words:
+            inside[name] = str((folder / text).absolute())
+
+
+def _without_angles(below: object, above: object) -> object:
+    """A section of the muscle without theta and spread, where what is laid over it brings their measurement."""
+    new = above.get("orientation") if isinstance(above, dict) else None
+    if isinstance(below, dict) and isinstance(new, str) and new:
+        return {name: value for name, value in below.items() if name not in _MEASURED}
+    return below
+
+
 def _overlay(below: Table, above: Table) -> Table:
     merged = copy.copy(below)
+    if "muscle" in merged:
+        merged["muscle"] = _without_angles(merged["muscle"], above.get("muscle"))
     for name, value in above.items():
         old = merged.get(name)
         merged[name] = _overlay(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
@@ -258,8 +314,35 @@ def _apply(table: Table, override: str) -> None:
             raise DesignError(f"{section}: found {shown(inner)}, expected a section")
         # a changed copy, since the table may be shared with a base
         table[section] = dict(inner or {})
+        if name == "muscle.orientation" and text:
+            table[section] = _without_angles(table[section], {last: text})
         table = table[section]
-    table[last] = text
+    table[last] = str(Path(text).absolute()) if text and text not in FILE_KEYS.get(name, (text,)) else text
+
+
+def _with_orientation(values: Table) -> Table:
+    """Values with theta and spread as measured, where a file of directions is named."""
+    muscle = values.get("muscle")
+    if not isinstance(muscle, dict) or not isinstance(muscle.get("orientation"), str):
+        return values
+    if not muscle["orientation"]:
+        return {**values, "muscle": {k: v for k, v in muscle.items() if k != "orientation"}}
+
+    # numbers from measured files, with scipy: only where a design asks for them
+    from fem_biobot.muscle.orientation_file import orientation_of_file
+
+    axis, image = muscle.get("orientation_axis", 0.0), muscle.get("orientation_image") or ""
+    found = orientation_of_file(muscle["orientation"], image=image, axis=axis)
+    measured = {"theta": found.theta, "spread": found.spread}
+    for name, value in measured.items():
+        given = muscle.get(name)
+        # the resolved design of a run has both, and they agree
+        if given is not None and abs(given - value) > 1e-9:
+            raise DesignError(
+                f"muscle.{name}: found {format_quantity(given, 'rad', digits=12)} beside muscle.orientation, which "
+                f"gives {format_quantity(value, 'rad', digits=6)}, expected one of the two keys"
+            )
+    return {**values, "muscle": {**muscle, **measured}}
 
 
 def _values(table: Table, prefix: str) -> Table:

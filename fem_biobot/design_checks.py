@@ -241,6 +241,7 @@ def _check_tension(design: Design) -> None:
     muscle = design.muscle
     if muscle is None:
         return
+    _check_fibres(muscle)
     if muscle.optimal_stretch is not None and muscle.force_length == "none":
         raise DesignError(
             f"muscle.optimal_stretch: found {muscle.optimal_stretch:g}, expected none without muscle.force_length"
@@ -277,6 +278,24 @@ def _check_oxygen(design: Design) -> None:
             f"muscle.gamma: found {muscle.gamma:g} together with muscle.oxygen, which gives the viable share itself; "
             'expected 1, or muscle.oxygen.tension "none"'
         )
+
+
+def _check_fibres(muscle: Muscle) -> None:
+    for name in ("fibres", "orientation", "orientation_image"):
+        text = getattr(muscle, name)
+        if text is not None and not (text.strip() and text.isprintable()):
+            expected = "smooth, piecewise or a file" if name == "fibres" else "a printable text"
+            raise DesignError(f"muscle.{name}: found {shown(text)}, expected {expected}")
+    if muscle.orientation is None:
+        for name, given in (
+            ("orientation_image", muscle.orientation_image is not None and shown(muscle.orientation_image)),
+            (
+                "orientation_axis",
+                muscle.orientation_axis and format_quantity(muscle.orientation_axis, "rad", digits=12),
+            ),
+        ):
+            if given:
+                raise DesignError(f"muscle.{name}: found {given} without muscle.orientation, expected none")
 
 
 def _check_skeleton(design: Design, skeleton: Skeleton) -> None:

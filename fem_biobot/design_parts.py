@@ -47,6 +47,7 @@ PositiveLength = Annotated[float, Quantity("mm", 0.0, low_open=True)]
 PartLength = Annotated[float, Quantity("mm", 0.0)]
 Coordinate = Annotated[float, Quantity("mm")]
 Angle = Annotated[float, Quantity("rad", 0.0, math.pi)]
+SignedAngle = Annotated[float, Quantity("rad", -math.pi, math.pi)]
 Modulus = Annotated[float, Quantity("kPa", 0.0, low_open=True)]
 Tension = Annotated[float, Quantity("kPa", 0.0)]
 Density = Annotated[float, Quantity("kg/mm^3", 0.0)]
@@ -78,6 +79,10 @@ OptionalNumber = Annotated[float | None, Quantity("1", 0.0)]
 OptionalPositive = Annotated[float | None, Quantity("1", 0.0, low_open=True)]
 OptionalShare = Annotated[float | None, Quantity("1", 0.0, 1.0)]
 OptionalThird = Annotated[float | None, Quantity("1", 0.0, 1.0 / 3.0)]
+
+OptionalText = str | None
+# keys that may name a file, and the words that do not
+FILE_KEYS: dict[str, tuple[str, ...]] = {"muscle.fibres": ("smooth", "piecewise"), "muscle.orientation": ()}
 
 Kind = Literal["bot", "strip", "cantilever", "walker"]
 Law = Literal[
@@ -238,7 +243,20 @@ class Muscle(Record, frozen=True):
         description="as_moulded: stress-free at pillar spacing; remodelled: stress-free in the passive shape",
     )
     theta: Angle = Field(description="Angle from the lateral axis to the fibre; 90 deg is along the machine [rad]")
+    fibres: str = Field(
+        default="smooth",
+        description="smooth: follow the walls and turn smoothly into the junction; piecewise: jump where ring and "
+        "junction meet; else a file: a table of points with angles or vectors, or a picture of angles",
+    )
     spread: Spread = Field(default=0.0, description="Standard deviation of the fibre angle in a picture [rad]")
+    orientation: OptionalText = Field(
+        default=None,
+        description="Table of directions or picture of fibres, beside this file, that gives theta and spread",
+    )
+    orientation_image: OptionalText = Field(default=None, description="Which image of that table, if it has several")
+    orientation_axis: SignedAngle = Field(
+        default=0.0, description="Direction of the machine's x axis in that picture, up from its right [rad]"
+    )
     spread_kind: SpreadKind = Field(
         default="planar",
         description="How fibres spread: planar and planar_von_mises in the muscle's plane, solid about their mean",

@@ -1,79 +1,78 @@
 """Fibre directions of a design's muscle: along the junction at theta, around the pillars in the rings.
 
-Piecewise: inside the junction block (which runs from pillar face to pillar face, through the rings' inner sides) the
-field is constant; elsewhere in a ring it is tangent to the pillar's outline, turning smoothly about its corners. The
-field jumps where a ring meets the junction block; a field smooth through that transition is not built yet.
+``muscle.fibres`` says how. Piecewise: inside the junction block (which runs from pillar face to pillar face, through
+the rings' inner sides) the field is constant; elsewhere in a ring it is tangent to the pillar's outline, turning
+smoothly about its corners; the field jumps where a ring meets the junction block. Smooth: no jump, see `smooth_fibres`.
+Anything else is a file: see `fibre_table`.
 """
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.design import Design
+from fem_biobot.design_parts import FILE_KEYS
 from fem_biobot.errors import DesignError
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.muscle.blocks import in_junction, junction_blocks, junction_direction
+from fem_biobot.muscle.fibre_table import fibres_from_file
+from fem_biobot.muscle.smooth_fibres import smooth_fibres
+
+__all__ = ["fibre_field", "in_junction", "junction_blocks", "junction_direction", "piecewise_fibres"]
 
 Array = NDArray[np.float64]
 
 
-def junction_direction(theta: float) -> Array:
-    """Fibre direction in the junction, ``(sin theta, cos theta, 0)``, (3,) [1]; `theta` [rad] from the lateral axis."""
-    return np.array([np.sin(theta), np.cos(theta), 0.0])
-
-
-def junction_blocks(design: Design) -> list[tuple[float, float]]:
-    """Extent in x of the junction block of each bay, or of the strip [mm]."""
-    if design.kind == "strip":
-        return [(-design.span / 2, design.span / 2)]
-    half = design.value("skeleton.pillar_length") / 2
-    centres = [x for x, _ in design.pillars]
-    return [(a + half, b - half) for a, b in pairwise(centres)]
-
-
-def in_junction(design: Design, X: Array) -> NDArray[np.bool_]:
-    """Which positions (3, ...) [mm] lie in a junction block; for a ring layout, between the pillars of a strand."""
-    muscle = design.muscle
-    if muscle is None:
-        raise DesignError(f"muscle: found none (kind {design.kind}), expected one for a fibre field")
-    x = X[0]
-    inside = np.zeros(x.shape, dtype=bool)
-    for low, high in junction_blocks(design):
-        inside |= (x > low) & (x < high)
-    if muscle.layout == "ring" and design.kind == "bot":
-        return inside
-    across = np.abs(X[1]) < muscle.junction_width / 2
-    return inside & across & (np.abs(X[2] - muscle.junction_height) < muscle.junction_thickness / 2)
-
-
 def fibre_field(design: Design, mesh: BodyMesh) -> Array:
-    """Unit fibre direction of every muscle element, from its centroid.
+    """Unit fibre direction of every muscle element.
 
     Parameters
     ----------
     design
         A design with a muscle.
     mesh
-        Mesh of it; the junction block's faces should be conforming, so that no element lies on both sides.
+        Mesh of it.
 
     Returns
     -------
     Array
-        (3, e) [1] in the order of ``mesh.regions["muscle"]``.
+        (3, e) [1] in the order of ``mesh.regions["muscle"]``; its sense means nothing.
+
+    Raises
+    ------
+    DesignError, MeshError
+        The design has no muscle, or the mesh is not of this design.
+    FileError
+        A file of directions that is none.
     """
     muscle = design.muscle
     if muscle is None:
         raise DesignError(f"muscle: found none (kind {design.kind}), expected one for a fibre field")
+    if muscle.fibres not in FILE_KEYS["muscle.fibres"]:
+        X = mesh.points[:, mesh.cells[:, mesh.regions["muscle"]]]
+        return fibres_from_file(muscle.fibres, X.mean(axis=1), (X.min(axis=(1, 2)), X.max(axis=(1, 2))))
+    # a strip is one junction: both are constant
+    if muscle.fibres == "smooth" and design.kind == "bot":
+        return smooth_fibres(design, mesh)
+    return piecewise_fibres(design, mesh)
+
+
+def piecewise_fibres(design: Design, mesh: BodyMesh) -> Array:
+    """Piecewise field from the elements' centroids, (3, e) [1].
+
+    The junction block's faces should be conforming, so that no element lies on both sides.
+    """
+    muscle = design.muscle
+    assert muscle is not None
     X = mesh.points[:, mesh.cells[:, mesh.regions["muscle"]]].mean(axis=1)
     along = junction_direction(muscle.theta)
     if design.kind == "strip":
         return np.repeat(along[:, None], X.shape[1], axis=1)
     tangent, normal = _around_pillars(design, X)
     if muscle.layout == "ring":
-        # theta turns the fibres of the loop out of its own direction, as it does those of a junction
-        return np.sin(muscle.theta) * tangent + np.cos(muscle.theta) * normal
+        # theta turns the fibres of the loop out of its own direction, in the sense of a junction's
+        return np.sin(muscle.theta) * tangent - np.cos(muscle.theta) * normal
     return np.where(in_junction(design, X), along[:, None], tangent)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fem_biobot.errors import DesignError, FileError
+from fem_biobot.errors import FileError
 from fem_biobot.muscle.orientation import Histogram
 
 _LARGEST = 5_000_000
@@ -61,29 +61,6 @@ def read_histograms(path: str | Path) -> list[Histogram]:
             values = values / values.sum()
         found.append(Histogram(name, angles, values))
     return found
-
-
-def read_histogram(path: str | Path, image: str = "") -> Histogram:
-    """One histogram of a table: that of `image`, or the only one.
-
-    Raises
-    ------
-    DesignError
-        Several images and none chosen, or none of that name.
-    """
-    found = read_histograms(path)
-    names = ", ".join(histogram.name for histogram in found)
-    if not image:
-        if len(found) > 1:
-            raise DesignError(
-                f"{Path(path).name}: found {len(found)} images ({names}), expected one of them to be chosen "
-                "(muscle.orientation_image)"
-            )
-        return found[0]
-    for histogram in found:
-        if histogram.name == image:
-            return histogram
-    raise DesignError(f"{Path(path).name}: found no image {image}, expected one of: {names}")
 
 
 def _rows(path: Path) -> list[list[str]]:

@@ -392,7 +392,7 @@ def test_the_resolved_file_holds_every_key_of_its_kind_with_units() -> None:
     }
     for part in ("skeleton", "muscle"):
         written |= {f"{part}.material.{name}": value for name, value in table[part]["material"].items()}
-    optional = {name for name, key in keys().items() if key.field.default is None and key.quantity is not None}
+    optional = {name for name, key in keys().items() if key.field.default is None}
     assert {"ground.viscosity", "muscle.optimal_stretch", "skeleton.material.c2"} < optional
     # sections that this machine does not have
     absent = {name for name in keys() if name.startswith(("walker.", "muscle.oxygen.", "muscle.tissue."))}
@@ -434,12 +434,14 @@ def test_the_digest_is_blind_to_units_order_and_names(tmp_path: Path) -> None:
 CHANGES: dict[str, Any] = {
     "skeleton.pillar_count": 3,
     "muscle.reference": "remodelled",
+    "muscle.fibres": "piecewise",
     "muscle.ring_offset": -0.2,
     "drive.waveform": "constant",
     "ground.immersion": "submerged",
     "kind": None,
     "drive.pulses": None,
     "muscle.layout": None,
+    "muscle.orientation_axis": None,
     "muscle.junction_length": None,
     "load.tip_force": None,
 }

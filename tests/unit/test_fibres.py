@@ -1,4 +1,4 @@
-"""Fibre directions of a design: the junction at theta, rings around their pillars, one loop, a strip."""
+"""Piecewise fibre directions of a design: the junction at theta, rings around their pillars, one loop, a strip."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.helpers import unchanged
 
 def _case(name: str, *overrides: str) -> tuple[Design, BodyMesh, np.ndarray, np.ndarray]:
     """Design, mesh, fibres and centroids of the muscle."""
-    design = load_design(name, overrides)
+    design = load_design(name, ["muscle.fibres=piecewise", *overrides])
     mesh = committed_mesh(design, 2.0)
     assert mesh is not None
     with unchanged(mesh.points, mesh.cells):
@@ -81,7 +81,8 @@ def test_fibres_turn_smoothly_about_a_pillars_corner() -> None:
 def test_a_loop_runs_along_its_strands_and_around_its_ends() -> None:
     """One loop: along x beside both pillars and between them, along y at its ends; theta turns all of it.
 
-    Catches: each pillar given a ring of its own, strands between the pillars without direction.
+    Catches: each pillar given a ring of its own, strands between the pillars without direction, theta turned the other
+    way.
     """
     design, mesh, fibres, X = _case("ring_bot")
     half_length = design.value("skeleton.beam_length") / 2
@@ -93,8 +94,11 @@ def test_a_loop_runs_along_its_strands_and_around_its_ends() -> None:
     np.testing.assert_allclose(np.abs(fibres[1, end]), 1.0, rtol=0.0, atol=1e-14)
     assert in_junction(design, X).sum() > 0
     assert np.all(np.abs(X[0, in_junction(design, X)]) < design.span / 2)
-    turned = fibre_field(load_design("ring_bot", ["muscle.theta=60 deg"]), mesh)
+    turned = fibre_field(load_design("ring_bot", ["muscle.theta=60 deg", "muscle.fibres=piecewise"]), mesh)
     np.testing.assert_allclose(np.einsum("ie,ie->e", turned, fibres), np.sin(np.radians(60.0)), rtol=0.0, atol=1e-14)
+    # in the sense of a junction's theta: (sin, cos) in both strands, whose fibres run to and fro
+    wanted = junction_direction(np.radians(60.0))
+    np.testing.assert_allclose(np.abs(wanted @ turned[:, strand]), 1.0, rtol=0.0, atol=1e-14)
 
 
 def test_a_strip_is_one_block_at_theta() -> None:
@@ -139,6 +143,7 @@ def test_tissue_inside_a_pillar_is_refused() -> None:
     """
     _, mesh, _, _ = _case("junction_bot")
     # longer pillars, whose outline covers the rings of the mesh
-    other = load_design("junction_bot", ["skeleton.pillar_length=5 mm"])
-    with pytest.raises(DesignError, match="inside the outline of a pillar"):
-        fibre_field(other, mesh)
+    for fibres in ("piecewise", "smooth"):
+        other = load_design("junction_bot", ["skeleton.pillar_length=5 mm", f"muscle.fibres={fibres}"])
+        with pytest.raises(DesignError, match="inside the outline of a pillar"):
+            fibre_field(other, mesh)

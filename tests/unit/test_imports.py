@@ -27,7 +27,7 @@ HOMES = {
     "vtk": ("view/",),
     "vtkmodules": ("view/",),
     "matplotlib": ("view/",),
-    "skfem": ("solid/", "muscle/oxygen.py", "muscle/oxygen_depth.py", "muscle/oxygenation.py"),
+    "skfem": ("solid/", "muscle/oxygen.py", "muscle/oxygen_depth.py", "muscle/oxygenation.py", "muscle/laplace.py"),
     "typer": ("cli.py", "options.py", "muscle_commands.py"),
     "rich": ("cli.py", "progress.py"),
 }
@@ -43,7 +43,8 @@ FORBIDDEN = {
     "design_parts": ("link", "mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
     "design_tissue": ("link", "mesh", "solid", "rod", "material", "study", "view", "verification", "cli"),
     "design_checks": ("link", "mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
-    "config": ("link", "mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
+    # of the muscle it asks for angles measured in a file
+    "config": ("link", "mesh", "solid", "rod", "material", "study", "view", "verification", "cli"),
     "link": ("view", "verification", "cli", "jobs", "progress"),
     "study": ("verification", "cli", "jobs", "progress"),
     "verification": ("cli", "jobs", "progress"),

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from fem_biobot.errors import DesignError, FileError
 from fem_biobot.material.dispersion import picture_spread
 from fem_biobot.muscle.orientation import Histogram, fitted_curve, orientation
-from fem_biobot.muscle.orientation_table import read_histogram, read_histograms
+from fem_biobot.muscle.orientation_file import histograms_of_file, orientation_of_file
+from fem_biobot.muscle.orientation_table import read_histograms
 
 Array = NDArray[np.float64]
 
@@ -122,7 +123,7 @@ def test_the_plugins_table_gives_one_histogram_an_image(tmp_path: Path, separato
     assert [o.name for o in found] == ["day 15.tif", "day 5.tif"]
     np.testing.assert_allclose(np.degrees([o.mean for o in found]), (85.0, 60.0), atol=1e-3)
     np.testing.assert_allclose(np.degrees([o.width for o in found]), (15.0, 28.0), atol=1e-3)
-    assert read_histogram(path, "day 5.tif").name == "day 5.tif"
+    assert [h.name for h in histograms_of_file(path, "day 5.tif")] == ["day 5.tif"]
 
 
 @pytest.mark.parametrize("header", ["", "angle,count\n"])
@@ -134,7 +135,7 @@ def test_two_plain_columns_may_hold_counts(tmp_path: Path, header: str) -> None:
     path = tmp_path / "fibres.csv"
     counts = np.round(1e5 * peak(-20.0, 10.0, 0.1, bins()))
     path.write_text(header + "".join(f"{d},{int(c)}\n" for d, c in zip(bins(), counts, strict=True)))
-    found = orientation(read_histogram(path))
+    found = orientation_of_file(path)
     assert found.name == "fibres"
     np.testing.assert_allclose(np.degrees([found.mean, found.width]), (-20.0, 10.0), atol=1e-2)
 
@@ -235,6 +236,8 @@ def test_one_of_several_images_has_to_be_chosen(tmp_path: Path) -> None:
     """
     path = plugin_table(tmp_path / "t.csv")
     with pytest.raises(DesignError, match=r"2 images \(day 15.tif, day 5.tif\).*orientation_image"):
-        read_histogram(path)
+        orientation_of_file(path)
     with pytest.raises(DesignError, match=r"no image other, expected one of: day 15.tif, day 5.tif"):
-        read_histogram(path, "other")
+        histograms_of_file(path, "other")
+    with pytest.raises(DesignError, match=r"image day 5.tif asked of a picture, expected none"):
+        orientation_of_file(tmp_path / "fibres.TIF", image="day 5.tif")

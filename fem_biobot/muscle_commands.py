@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -75,3 +77,39 @@ def _oxygen_command(
     if size is not None and mesh is not None:
         raise DesignError("--size: found together with --mesh, expected one of them (a mesh file has its own size)")
     return partial(muscle_jobs.oxygen, Order(design, out, size, mesh, (), sets or (), quiet, as_json, force))
+
+
+@muscle.command("fibres")
+def _fibres_command(
+    design: DesignName,
+    out: Out = None,
+    size: Size = None,
+    mesh: MeshFile = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Fibre directions on the mesh: glyphs and streamlines, the field as VTK and CSV, how smoothly it turns."""
+    if size is not None and mesh is not None:
+        raise DesignError("--size: found together with --mesh, expected one of them (a mesh file has its own size)")
+    return partial(muscle_jobs.fibres, Order(design, out, size, mesh, (), sets or (), quiet, as_json, force))
+
+
+@muscle.command("orientation")
+def _orientation_command(
+    design: DesignName,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Table of directions (Directionality, or two columns), or a picture.")
+    ],
+    out: Out = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Mean, spread and moments of fibre directions in a table or a picture, as a design takes them."""
+    order = Order(design, out, None, None, (), sets or (), quiet, as_json, force)
+    return partial(muscle_jobs.orientation, order, file)

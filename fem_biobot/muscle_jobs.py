@@ -53,6 +53,37 @@ def oxygen(order: Order) -> int:
     return examined(order, "oxygen", work, mesh=mesh if size is None else f"{mesh}, {size:g} mm")
 
 
+def fibres(order: Order) -> int:
+    """Fibre directions of a design's muscle, on its mesh."""
+    from fem_biobot.study.muscle_fibres import fibres_finding
+
+    size = mesh_size(order.size)
+
+    def work(design: Design, figures: Path) -> Finding:
+        from fem_biobot.mesh.files import mesh_for, read_mesh
+
+        vtk = figures.parent / "fibres.vtu"
+        if order.mesh_file is not None:
+            return fibres_finding(design, read_mesh(order.mesh_file, None, design=design), figures, vtk=vtk)
+        mesh, notes = mesh_for(design, size)
+        found = fibres_finding(design, mesh, figures, vtk=vtk)
+        return replace(found, notes=[*notes, *found.notes])
+
+    mesh = "generated" if order.mesh_file is None else str(order.mesh_file)
+    return examined(order, "fibres", work, mesh=mesh if size is None else f"{mesh}, {size:g} mm")
+
+
+def orientation(order: Order, file: Path) -> int:
+    """Orientation of fibres in a file, seen from a design's axis."""
+    from fem_biobot.config import content_of
+    from fem_biobot.study.muscle_orientation import orientation_finding
+
+    def work(design: Design, figures: Path) -> Finding:
+        return orientation_finding(design, file, figures)
+
+    return examined(order, "orientation", work, mesh=content_of(file))
+
+
 def examined(order: Order, subject: str, work: Work, *, mesh: str = "none", tissue: bool = True) -> int:
     """Examine one subject of an order's design and show what was found.
 

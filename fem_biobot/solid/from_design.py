@@ -15,7 +15,7 @@ from fem_biobot.material.law import Array, Law
 from fem_biobot.material.laws import law_from
 from fem_biobot.material.natural_state import NaturalState, isochoric_contraction
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.muscle.fibres import fibre_field, in_junction
+from fem_biobot.muscle.fibres import fibre_field, in_junction, piecewise_fibres
 from fem_biobot.muscle.oxygenation import viable_share
 from fem_biobot.solid.model import SolidModel
 from fem_biobot.solid.newton import NewtonSettings
@@ -130,8 +130,9 @@ def supports(design: Design, mesh: BodyMesh) -> list[Fix]:
 def remodelled(model: SolidModel, design: Design, natural_stretch: float) -> SolidModel:
     """The same model with the junction's tissue free of passive stress at `natural_stretch` along its fibres.
 
-    The natural state is an isochoric contraction of the junction blocks; the rings keep the reference body, since the
-    pillars hold them at their length.
+    The natural state is an isochoric contraction of the junction blocks, each as a whole along the direction of theta:
+    contractions that turn with the fibres at a junction's ends would not fit together, and nothing would be free of
+    stress. The rings keep the reference body, since the pillars hold them at their length.
 
     A stretch far from 1 must be approached gradually: `solve` scales loads and tension, never the natural stretch, and
     its undeformed start is no equilibrium of such a model. Solve the moulded model at the tension wanted, then lower
@@ -139,9 +140,10 @@ def remodelled(model: SolidModel, design: Design, natural_stretch: float) -> Sol
     (`trial` of `solve`); the study's remodelled reference is found in this way.
     """
     muscle = model.mesh.regions["muscle"]
-    fibres = np.asarray(model.active["muscle"].a0)
     X = model.mesh.points[:, model.mesh.cells[:, muscle]].mean(axis=1)
     junction = in_junction(design, X)
+    smooth = design.value("muscle.fibres") == "smooth"
+    fibres = piecewise_fibres(design, model.mesh) if smooth else np.asarray(model.active["muscle"].a0)
     F0 = np.repeat(np.eye(3)[:, :, None], model.mesh.cells.shape[1], axis=2)
     F0[:, :, muscle[junction]] = isochoric_contraction(natural_stretch, fibres[:, junction])
     law = model.materials["muscle"]

@@ -21,11 +21,13 @@ Ints = NDArray[np.int64]
 NO_TRIANGLES: Ints = np.zeros((3, 0), dtype=np.int64)
 NO_EDGES: Ints = np.zeros((2, 0), dtype=np.int64)
 
-# direction from the body to the camera; x is to the right and z up in all of them
+# direction from the body to the camera; x is to the right, and z up in all but the plan, where y is
 CAMERAS: dict[str, tuple[float, float, float]] = {
     "front": (0.0, -1.0, 0.0),
     "iso": (0.50, -1.0, 0.36),
     "iso_below": (0.50, -1.0, -0.50),
+    # from above, a hair off the vertical so that x stays to the right
+    "plan": (0.0, -1e-6, 1.0),
 }
 
 

@@ -244,7 +244,7 @@ class Muscle(Record, frozen=True):
     )
     theta: Angle = Field(description="Angle from the lateral axis to the fibre; 90 deg is along the machine [rad]")
     fibres: str = Field(
-        default="smooth",
+        default="piecewise",
         description="smooth: follow the walls and turn smoothly into the junction; piecewise: jump where ring and "
         "junction meet; else a file: a table of points with angles or vectors, or a picture of angles",
     )

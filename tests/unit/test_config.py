@@ -434,7 +434,7 @@ def test_the_digest_is_blind_to_units_order_and_names(tmp_path: Path) -> None:
 CHANGES: dict[str, Any] = {
     "skeleton.pillar_count": 3,
     "muscle.reference": "remodelled",
-    "muscle.fibres": "piecewise",
+    "muscle.fibres": "smooth",
     "muscle.ring_offset": -0.2,
     "drive.waveform": "constant",
     "ground.immersion": "submerged",

@@ -172,7 +172,7 @@ def test_numbers_of_a_field_with_spread_are_those_of_its_moments() -> None:
 
     Catches: the spread left out, first and second moment exchanged.
     """
-    design = load_design("junction_bot", ["muscle.spread=15 deg"])
+    design = load_design("junction_bot", ["muscle.spread=15 deg", "muscle.fibres=smooth"])
     mesh = committed_mesh(design, 2.0)
     assert mesh is not None
     numbers = fibre_numbers(design, mesh, fibre_field(design, mesh))
@@ -202,7 +202,7 @@ def test_the_picture_has_glyphs_and_lines_within_the_body() -> None:
 
     Catches: an empty picture, lines outside of the machine.
     """
-    design = load_design("junction_bot")
+    design = load_design("junction_bot", ["muscle.fibres=smooth"])
     mesh = committed_mesh(design, 2.0)
     assert mesh is not None
     picture = picture_of(design, mesh, fibre_field(design, mesh))

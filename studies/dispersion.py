@@ -37,7 +37,7 @@ Row = dict[str, Any]
 
 A0 = np.array([1.0, 0.0, 0.0])
 DENSITIES = ("planar", "planar_von_mises", "solid")
-SPREADS = {"smoke": (5.0, 15.0, 30.0, 45.0), "full": (1.0, 2.5, 5.0, 7.5, *np.arange(10.0, 51.1, 2.5).tolist(), 51.5)}
+SPREADS = {"smoke": (15.0, 45.0), "full": (1.0, 2.5, 5.0, 7.5, *np.arange(10.0, 51.1, 2.5).tolist(), 51.5)}
 # deformations of a muscle of constant volume: the middle of the junction at rest and at its peak has shortened to 0.69
 # and 0.66 along its fibres
 STATES = {
@@ -50,6 +50,8 @@ STATES = {
 CONVENTIONS = ("nominal", "second_piola", "kirchhoff")
 # nominal tension over shear modulus of the free muscle: the junction bot's peak tension over E / 3 of its tissue is 3.1
 FREE = (0.5, 1.0, 3.0)
+# what the two may differ by at a spread of 15 degrees, per tension
+NEAR_15 = 0.012
 
 # --- quantity, and why it can converge --------------------------------------------------------------------------------
 #
@@ -85,8 +87,9 @@ def free_stretch(law: FibreTension | AngularTension) -> tuple[float, float]:
         # no load: the stresses along and across are those out of the plane, which the pressure takes away
         return work[:2] - work[2]
 
-    found = root(forces, np.array([-0.2, 0.1]), tol=1e-13)
-    assert found.success, found.message
+    found = root(forces, np.array([-0.2, 0.1]), tol=1e-12)
+    # the search may end by saying that rounding lets it go no further
+    assert np.abs(forces(found.x)).max() < 1e-9, found.message
     s, t = np.exp(found.x)
     return float(s), float(t)
 
@@ -146,7 +149,7 @@ def expect(study: Study) -> None:
         row = largest(study.states, density=density, convention="nominal", state="at rest")
         assert abs(row["difference_1"]) < 1e-12, f"at rest the two differ by {row['difference_1']:.2g}: {row}"
         row = largest(study.states, density=density, convention="nominal", state="shortened to 0.7")
-        assert 0.01 < abs(row["difference_1"]) < 0.06, f"shortened to 0.7 the largest difference is {row}"
+        assert 0.04 < abs(row["difference_1"]) < 0.08, f"shortened to 0.7 the largest difference is {row}"
         row = largest(study.free, density=density)
         assert abs(row["difference_1"]) < 0.03, f"free stretches differ by {row['difference_1']:.2g}: {row}"
     near = [
@@ -154,13 +157,26 @@ def expect(study: Study) -> None:
         for row in study.states
         if row["spread_deg"] == 15.0 and row["convention"] == "nominal" and row["density"] == "planar"
     ]
-    assert max(near) < 0.025, f"at 15 degrees the two differ by {max(near):.2g}"
+    assert max(near) < NEAR_15, f"at 15 degrees the two differ by {max(near):.2g}"
 
 
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 FOUND = """
-TO BE WRITTEN
+Constant second Piola tension: none, at any spread, density and deformation (1e-14). At rest: none, in any convention.
+
+Nominal tension, per tension along the mean direction, planar / in space: at the 15 degrees measured at 15 days the
+tensor is low by 1.1 / 1.7 % in a muscle that has shortened to 0.7 and by 0.3 / 0.5 % at 0.85, and high by 0.1 / 0.3 %
+at 1.3. The difference grows with the spread and is largest near 45 degrees: 7.0 / 5.5 % at 0.7, 3.2 / 2.6 % at 0.85,
+4.2 / 3.7 % at 1.3. Shear of 0.5 makes 0.7 / 0.3 %. Kirchhoff tension, larger in what has shortened, makes 2.5 times as
+much: 3.2 / 4.9 % at 15 degrees and 17 / 14 % at the most, at 0.7. The two planar densities are within a third of each
+other's difference.
+
+A free muscle of three times its shear modulus in tension, the machine's ratio, contracts to 0.599 with 15 degrees; the
+tensor errs by 0.007, and by 0.015 at the most (33 degrees). In a machine, which holds the muscle, it is less.
+
+So the tensor serves up to 15 degrees, where its error is that of a mesh; from 30 degrees on, in muscle that shortens
+below 0.85, the sum over directions is worth its price.
 """
 
 

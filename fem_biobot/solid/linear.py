@@ -8,8 +8,8 @@ SuperLU factors the full matrix with pivots on the diagonal, whose signs say the
 What was measured for the saddle point at 65 000 unknowns, one factorisation of the displacement form being 1: symmetric
 indefinite factorisation 1.3 (two threads) or 1.6 (one); at 155 000 unknowns 1.9. Minimal residuals, preconditioned by
 the positive definite factor of the body at a Poisson's ratio of 0.45 and the pressures' mass matrix, need 28 iterations
-to 1e-3 and 74 to 1e-8, 2 and 5 beside that factor. Whole tension path of the machine, incompressible: as many
-factorisations as in displacement form, 36 Newton iterations for 31, half again as much computing.
+to 1e-3 and 74 to 1e-8, 2 and 5 beside that factor. Whole tension path of the machine, incompressible: 20
+factorisations and 36 Newton iterations.
 """
 
 from __future__ import annotations

@@ -310,7 +310,7 @@ def write(study: Study, folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--level", choices=tuple(SIZES), default="full")
     parser.add_argument("--out", type=Path, default=Path("runs") / "studies" / "growth")
     parser.add_argument("--solve", nargs="+", help=argparse.SUPPRESS)

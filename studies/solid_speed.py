@@ -482,7 +482,7 @@ def limits() -> tuple[float, float]:
     bandwidth = 32.0 * n / min(seconds(lambda: _triad(a, b, c, 1.5)) for _ in range(9)) / 1e9
     m = 1500
     left = np.random.default_rng(1).normal(size=(m, m))
-    left @ left
+    np.matmul(left, left)
     arithmetic = 2.0 * m**3 / min(seconds(lambda: left @ left) for _ in range(5)) / 1e9
     return bandwidth, arithmetic
 
@@ -756,7 +756,7 @@ def write(study: Study, folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--level", choices=tuple(SIZES), default="full")
     parser.add_argument("--out", type=Path, default=Path("runs") / "studies" / "solid_speed")
     parser.add_argument("--part", help=argparse.SUPPRESS)

@@ -38,6 +38,7 @@ from fem_biobot.options import (
     Sets,
     Size,
 )
+from fem_biobot.study_commands import study
 
 PROGRAM = "fem-biobot"
 INTERNAL, INPUT, FAILED, INTERRUPTED = 1, 2, 3, 130
@@ -60,6 +61,7 @@ app = typer.Typer(
 )
 
 app.add_typer(muscle)
+app.add_typer(study)
 
 
 @app.callback(invoke_without_command=True)

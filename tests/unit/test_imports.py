@@ -28,7 +28,7 @@ HOMES = {
     "vtkmodules": ("view/",),
     "matplotlib": ("view/",),
     "skfem": ("solid/", "muscle/oxygen.py", "muscle/oxygen_depth.py", "muscle/oxygenation.py", "muscle/laplace.py"),
-    "typer": ("cli.py", "options.py", "muscle_commands.py"),
+    "typer": ("cli.py", "options.py", "muscle_commands.py", "study_commands.py"),
     "rich": ("cli.py", "progress.py"),
 }
 # a part of the package, and the parts that it must not know

@@ -1,0 +1,209 @@
+"""Mesh to stress: one state of a design on several meshes and elements, and what each of its numbers does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fem_biobot.design import Design
+from fem_biobot.errors import DesignError, SolveError
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.solid.from_design import tension_step
+from fem_biobot.solid.measures import Measurer
+from fem_biobot.solid.model import SolidModel, solve
+from fem_biobot.study.finding import Finding
+from fem_biobot.study.reporter import Reporter
+from fem_biobot.study.richardson import Limit, Verdict, limit
+from fem_biobot.tables import Table
+from fem_biobot.view.tissue import lines
+
+ELEMENTS = ("P1", "P2", "P2-P1")
+_QUANTITIES = {
+    "muscle_force_mN": "muscle force",
+    "tip_closing_mm": "tip closing",
+    "sagitta_mm": "sagitta",
+    "tip_deflection_mm": "tip deflection",
+    "fibre_stretch_1": "fibre stretch",
+    "strain_energy_uJ": "strain energy",
+    "ball_von_mises_kPa": "von Mises, ball about the corner",
+    "max_von_mises_kPa": "von Mises, highest point",
+}
+
+
+@dataclass(frozen=True)
+class ConvergencePlan:
+    """What to solve.
+
+    Attributes
+    ----------
+    sizes
+        Of the meshes, falling [mm]; None: the design's own and twice 1.4 times as coarse.
+    elements
+        Out of P1, P2 and P2-P1.
+    wanted
+        Relative error asked for [1].
+    """
+
+    sizes: tuple[float, ...] | None = None
+    elements: tuple[str, ...] = ("P2",)
+    wanted: float = 0.01
+
+    def __post_init__(self) -> None:
+        for element in self.elements:
+            if element not in ELEMENTS:
+                raise DesignError(f"--element: found {element}, expected one of: {', '.join(ELEMENTS)}")
+        if not self.elements:
+            raise DesignError("--element: found none, expected at least one")
+        if self.sizes is not None and (len(self.sizes) < 3 or any(not s > 0.0 for s in self.sizes)):
+            raise DesignError(f"--sizes: found {len(self.sizes)}, expected three sizes above 0 mm or more")
+        if not 0.0 < self.wanted < 1.0:
+            raise DesignError(f"--error: found {self.wanted:g}, expected above 0 and below 1")
+
+    def falling(self, design: Design) -> tuple[float, ...]:
+        """Sizes from the coarsest."""
+        own = design.mesh.size
+        return tuple(sorted(self.sizes or (own, 1.4 * own, 1.96 * own), reverse=True))
+
+
+def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, reporter: Reporter) -> Finding:
+    """One state of a design, at full drive or under its whole load, on every mesh and with every element.
+
+    Raises
+    ------
+    MeshError, SolveError
+        A mesh that cannot be made; a state that is not found on any of three meshes.
+    """
+    notes: list[str] = []
+    sizes = plan.falling(design)
+    rows: list[dict[str, object]] = []
+    reporter.stage("meshes and elements", len(sizes) * len(plan.elements))
+    for size in sizes:
+        mesh, more = mesh_for(design.with_values({"mesh.size": size}))
+        notes += [note for note in more if note not in notes]
+        for element in plan.elements:
+            try:
+                rows.append(_row(design, mesh, element, size))
+            except SolveError as failure:
+                notes.append(f"{element} at {size:g} mm: left out: {failure}")
+            reporter.advance(f"{element} at {size:g} mm")
+    limits = _limits(rows, plan)
+    if not limits:
+        raise SolveError("convergence: found no element with a state on three meshes, expected one")
+    remarks = [f"{element}, {_QUANTITIES[name]}: {_told(found)}" for (element, name), found in limits.items()]
+    return Finding(
+        {
+            "wanted_error_1": plan.wanted,
+            "rows": rows,
+            "limits": [
+                {
+                    "element": element,
+                    "quantity": name,
+                    "value": found.value,
+                    "error_1": found.error if found.verdict is not Verdict.not_converging else None,
+                    "order_1": None if found.order != found.order else found.order,
+                    "verdict": found.verdict.value,
+                    "size_for_wanted_mm": None if found.size != found.size else found.size,
+                }
+                for (element, name), found in limits.items()
+            ],
+        },
+        [_values(rows), _verdicts(limits)],
+        {"convergence": rows},
+        _draw(design, rows, limits, figures),
+        notes,
+        remarks,
+    )
+
+
+def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> dict[str, object]:
+    """Measures of the state on one mesh with one element."""
+    whole = SolidModel.from_design(design, mesh)
+    model = SolidModel(mesh, whole.materials, whole.active, whole.supports, whole.loads, element=element)
+    tension = design.tension(design.drive.amplitude) if design.muscle is not None else 0.0
+    state = solve(model, [tension_step(design, tension)]).last
+    found = Measurer(design, model).measures(state)
+    mean = float((mesh.volumes.sum() / mesh.n_elements) ** (1.0 / 3.0))
+    row: dict[str, object] = {
+        "element": element,
+        "asked_size_mm": size,
+        "size_mm": mean,
+        "elements_1": mesh.n_elements,
+        "unknowns_1": model.n_dofs,
+    }
+    return row | {name: found[name] for name in _QUANTITIES if found.get(name) is not None}
+
+
+def _limits(rows: Sequence[dict[str, object]], plan: ConvergencePlan) -> dict[tuple[str, str], Limit]:
+    """The limit of every quantity that has values on three meshes, by element and name."""
+    limits = {}
+    for element in plan.elements:
+        own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
+        for name in _QUANTITIES:
+            having = [row for row in own if name in row]
+            # two sizes asked for may give one mesh
+            kept = [r for i, r in enumerate(having) if not i or r["size_mm"] != having[i - 1]["size_mm"]]
+            if len(kept) >= 3:
+                sizes, values = ([float(str(row[key])) for row in kept] for key in ("size_mm", name))
+                limits[element, name] = limit(sizes, values, plan.wanted)
+    return limits
+
+
+def _told(found: Limit) -> str:
+    """A verdict in words."""
+    if found.verdict is Verdict.not_converging:
+        return "not converging, its changes do not shrink: no number of any mesh can be quoted"
+    order = "" if found.order != found.order else f", order {found.order:.2g}"
+    text = f"{found.value:.5g}, the finest mesh within {100.0 * found.error:.2g} %{order}"
+    if found.verdict is Verdict.undecided:
+        return f"undecided, the meshes are too much alike: {text}; ask for sizes further apart"
+    if found.verdict is Verdict.converging:
+        return f"converging: {text}; elements of {found.size:.2g} mm in the mean for what was asked"
+    return f"converged: {text}"
+
+
+def _values(rows: Sequence[dict[str, object]]) -> Table:
+    header = tuple(dict.fromkeys(key for row in rows for key in row))
+    return Table("One state on every mesh", header, tuple(tuple(row.get(key) for key in header) for row in rows))
+
+
+def _verdicts(limits: dict[tuple[str, str], Limit]) -> Table:
+    lines = []
+    for (element, name), found in limits.items():
+        bar = "" if found.verdict is Verdict.not_converging else f"{100.0 * found.error:.2g} %"
+        order = "" if found.order != found.order else f"{found.order:.2g}"
+        size = "" if found.size != found.size else f"{found.size:.2g}"
+        lines.append((element, _QUANTITIES[name], found.value, bar, order, found.verdict.value, size))
+    header = (
+        "element",
+        "quantity",
+        "limit",
+        "error of the finest",
+        "order",
+        "verdict",
+        "mean size for what was asked [mm]",
+    )
+    return Table("What they tend to", header, tuple(lines))
+
+
+def _draw(
+    design: Design,
+    rows: Sequence[dict[str, object]],
+    limits: dict[tuple[str, str], Limit],
+    figures: Path,
+) -> list[tuple[Path, str]]:
+    """Every quantity over its value on the finest mesh, one picture an element."""
+    found = []
+    for element in dict.fromkeys(element for element, _ in limits):
+        own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
+        sizes = [float(str(row["size_mm"])) for row in own]
+        curves = {
+            _QUANTITIES[name]: (sizes, [float(str(row[name])) / float(str(own[-1][name])) for row in own])
+            for element_of, name in limits
+            if element_of == element and float(str(own[-1][name])) != 0.0
+        }
+        file = figures / f"convergence_{element}.png"
+        lines(file, curves, x="mean element size [mm]", y="over the finest [1]", title=f"{design.name}: {element}")
+        found.append((file, f"{element}: every quantity over its value on the finest mesh."))
+    return found

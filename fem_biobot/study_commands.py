@@ -1,0 +1,53 @@
+"""The commands below `fem-biobot study`: questions asked of a design with many solutions, one a command.
+
+Each gives a job, which runs after the arguments are parsed, as in `cli`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated
+
+import typer
+
+from fem_biobot import study_jobs
+from fem_biobot.jobs import Order
+from fem_biobot.options import AsJson, Debug, DesignName, Force, Out, Quiet, Sets
+
+Job = Callable[[], int]
+
+study = typer.Typer(
+    name="study",
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Questions that take many solutions of a design.",
+)
+
+
+@study.callback(invoke_without_command=True)
+def _group(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        print(context.get_help())  # noqa: T201
+
+
+@study.command("convergence")
+def _convergence_command(
+    design: DesignName,
+    sizes: Annotated[
+        str | None, typer.Option("--sizes", metavar="MM,MM,MM", help="Mesh sizes, three or more, such as 2,1.4,1 mm.")
+    ] = None,
+    element: Annotated[
+        list[str] | None, typer.Option("--element", metavar="NAME", help="P1, P2 or P2-P1; repeat it to compare.")
+    ] = None,
+    error: Annotated[float, typer.Option("--error", metavar="SHARE", help="Relative error asked for.")] = 0.01,
+    out: Out = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Mesh to stress: limit, error bar and order of every number, and which of them do not converge."""
+    order = Order(design, out, None, None, (), sets or (), quiet, as_json, force)
+    return partial(study_jobs.convergence, order, sizes, tuple(element or ("P2",)), error)

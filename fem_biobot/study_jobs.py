@@ -1,0 +1,50 @@
+"""The jobs behind `fem-biobot study`; as in `jobs`, what is slow to import is imported by the job that needs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fem_biobot.jobs import Order, mesh_size, result_folder, safe_name, show, worked
+
+if TYPE_CHECKING:
+    from fem_biobot.design import Design
+    from fem_biobot.study.finding import Finding
+    from fem_biobot.study.reporter import Reporter
+
+
+def convergence(order: Order, sizes: str | None, elements: tuple[str, ...], error: float) -> int:
+    """One state of a design on several meshes."""
+    from fem_biobot.config import load_design
+    from fem_biobot.design_checks import refuse_without_solid
+
+    design = load_design(order.design, order.sets)
+    refuse_without_solid(design, "mesh")
+    numbers = None
+    if sizes is not None:
+        numbers = tuple(mesh_size(part) or 0.0 for part in sizes.replace("mm", "").split(",") if part.strip())
+
+    from fem_biobot.study.convergence import ConvergencePlan, convergence_finding
+
+    plan = ConvergencePlan(numbers, elements, error)
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_convergence")
+
+    from fem_biobot.solid.compiling import compile_kernels
+    from fem_biobot.study.finding import examine, tables_of
+
+    asked = ", ".join(f"{size:g}" for size in plan.falling(design))
+    meshes = f"{asked} mm; {', '.join(elements)}; {error:g}"
+
+    def job(reporter: Reporter) -> dict[str, Any]:
+        def work(design: Design, figures: Path) -> Finding:
+            for element in elements:
+                compile_kernels(reporter, element)
+            return convergence_finding(design, plan, figures, reporter)
+
+        return examine(
+            design, folder, "convergence", work, mesh=meshes, kind="study", force=order.force, reporter=reporter
+        )
+
+    summary = worked(order, folder, job)
+    show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    return 0

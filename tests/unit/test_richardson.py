@@ -1,0 +1,133 @@
+"""Limits read off sequences of meshes: constructed ones, smooth and singular, and the command on a small design."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fem_biobot.cli import main
+from fem_biobot.errors import ModelError
+from fem_biobot.study.richardson import Verdict, limit
+
+SIZES = (1.0, 0.62, 0.4)  # of no common ratio
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 2.0, 3.9])
+def test_a_smooth_quantity_is_extrapolated_exactly(order: float) -> None:
+    """A limit with one power of the size: value and order to rounding, and the true error within the bar.
+
+    Catches: a formula for equal ratios only, the coarse meshes taken for the fine ones.
+    """
+    values = [7.0 + 0.3 * h**order for h in SIZES]
+    found = limit(SIZES, values, 1e-9)
+    assert found.value == pytest.approx(7.0, rel=1e-9)
+    assert found.order == pytest.approx(order, rel=1e-6)
+    assert abs(values[-1] - 7.0) / values[-1] <= found.error <= 1.3 * abs(values[-1] - 7.0) / values[-1]
+    assert found.verdict is Verdict.converging
+    # at the size told the error is what was asked for
+    wanted = 1e-3
+    size = limit(SIZES, values, wanted).size
+    assert 1.25 * 0.3 * size**order / values[-1] == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_singular_stress_is_called_what_it_is() -> None:
+    """Growing with the power of a re-entrant corner, and with the logarithm: neither has a limit.
+
+    Catches: a limit made up from changes that do not shrink.
+    """
+    for values in ([h**-0.455 for h in SIZES], [-math.log(h) for h in (1.0, 0.5, 0.25)]):
+        sizes = SIZES if values[0] == 1.0 else (1.0, 0.5, 0.25)
+        found = limit(sizes, values, 0.01)
+        assert found.verdict is Verdict.not_converging
+        assert found.error == math.inf
+        assert found.value == values[-1]
+
+
+def test_alternating_values_get_a_wide_bar() -> None:
+    """No order is read off them; the bar is three times the last change at first order.
+
+    Catches: an order from changes of two signs, a bar of nothing.
+    """
+    found = limit((1.0, 0.5, 0.25), (1.0, 1.02, 1.01), 0.05)
+    assert math.isnan(found.order)
+    assert found.error == pytest.approx(3.0 * 0.01 / 1.01, rel=1e-9)
+    assert found.verdict is Verdict.converged
+    assert limit((1.0, 0.5, 0.25), (1.0, 1.02, 1.01), 0.02).verdict is Verdict.converging
+
+
+def test_meshes_too_much_alike_decide_nothing() -> None:
+    """Three sizes within a factor of 1.5 tell no order, nor that anything diverges.
+
+    Catches: the scatter of unstructured meshes taken for a singularity.
+    """
+    found = limit((1.0, 0.9, 0.8), (1.0, 1.01, 1.02), 0.01)
+    assert found.verdict is Verdict.undecided
+    assert math.isnan(found.order)
+    assert limit((1.0, 0.9, 0.8), (1.0, 1.0, 1.0), 0.01).verdict is Verdict.converged
+
+
+@pytest.mark.parametrize(
+    ("sizes", "values", "wanted"),
+    [
+        ((1.0, 0.5), (1.0, 1.0), 0.01),
+        ((1.0, 0.5, 0.5), (1.0, 1.0, 1.0), 0.01),
+        ((1.0, 0.5, 0.25), (1.0, np.nan, 1.0), 0.01),
+        ((1.0, 0.5, 0.25), (1.0, 1.0, 1.0), 0.0),
+    ],
+)
+def test_what_tells_nothing_is_refused(sizes: tuple[float, ...], values: tuple[float, ...], wanted: float) -> None:
+    """Too few, sizes that do not fall, numbers that are none, no error asked for.
+
+    Catches: a division by nothing.
+    """
+    with pytest.raises(ModelError, match="convergence: found"):
+        limit(sizes, values, wanted)
+
+
+def test_the_command_tells_what_each_number_tends_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A cantilever on three meshes: its deflection converges to the beam's, and the folder holds tables and a picture.
+
+    Catches: the finest mesh first, an element that is asked for and not used.
+    """
+    out = tmp_path / "study"
+    given = ["study", "convergence", "cantilever", "--sizes", "1.6,0.9,0.5", "--error", "0.03", "--out", str(out)]
+    code = main(given)
+    if code != 0 and "Gmsh" in capsys.readouterr().err:
+        pytest.skip("Gmsh cannot start")
+    assert code == 0
+    found = json.loads((out / "summary.json").read_text())["convergence"]
+    limits = {row["quantity"]: row for row in found["limits"]}
+    assert limits["tip_deflection_mm"]["verdict"] in ("converged", "converging")
+    assert limits["tip_deflection_mm"]["error_1"] < 0.1
+    unknowns = [row["unknowns_1"] for row in found["rows"]]
+    assert unknowns == sorted(unknowns)
+    assert {row["element"] for row in found["rows"]} == {"P2"}
+    assert (out / "figures" / "convergence_P2.png").stat().st_size > 10_000
+    assert main([*given, "--json"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (["--sizes", "1,0.5"], "three sizes"),
+        (["--element", "Q2"], "P1, P2, P2-P1"),
+        (["--error", "0"], "above 0"),
+        (["--sizes", "1,x,2"], "--size"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(
+    options: list[str], word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2, one line with what was expected, nothing written.
+
+    Catches: a mesh made before the refusal.
+    """
+    assert main(["study", "convergence", "cantilever", "--out", str(tmp_path / "no"), *options]) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert len(told) == 1
+    assert word in told[0]
+    assert not (tmp_path / "no").exists()

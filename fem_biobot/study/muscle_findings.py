@@ -1,4 +1,4 @@
-"""What a run tells of its muscle as tissue: the drive always, oxygen and seeding where the design has them."""
+"""What a run tells of its muscle as tissue: drive and fibres always, the rest where the design has it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from fem_biobot.design import Design
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.study.finding import Finding, write_series
 from fem_biobot.study.muscle_drive import drive_finding
+from fem_biobot.study.muscle_fibres import fibres_finding
+from fem_biobot.study.muscle_orientation import orientation_finding
 from fem_biobot.study.muscle_oxygen import oxygen_finding
 from fem_biobot.study.muscle_tissue import tissue_finding
 from fem_biobot.study.outputs import figures_folder
@@ -39,7 +41,12 @@ def muscle_findings(design: Design, mesh: BodyMesh, folder: Path) -> MuscleFindi
     if design.muscle is None:
         return MuscleFindings()
     figures = figures_folder(folder)
-    found: dict[str, Finding] = {"drive": drive_finding(design, figures)}
+    found: dict[str, Finding] = {
+        "drive": drive_finding(design, figures),
+        "fibres": fibres_finding(design, mesh, figures),
+    }
+    if design.muscle.orientation is not None:
+        found["orientation"] = orientation_finding(design, Path(design.muscle.orientation), figures)
     if design.muscle.tissue is not None:
         found["tissue"] = tissue_finding(design, figures)
     if design.muscle.oxygen is not None:

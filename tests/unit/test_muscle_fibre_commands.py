@@ -18,6 +18,7 @@ from fem_biobot.muscle.fibre_numbers import between, fibre_numbers, neighbour_an
 from fem_biobot.muscle.fibres import fibre_field
 from fem_biobot.muscle.streamlines import streamlines
 from fem_biobot.study.muscle_fibres import picture_of
+from fem_biobot.study.muscle_findings import muscle_findings
 from fem_biobot.view.fibres import histogram_plot
 from tests.command import call, listing
 from tests.helpers import box_mesh
@@ -118,6 +119,22 @@ def test_bad_tables_end_in_one_line(
     assert words in said.complaint
     missing = call(capsys, "muscle", "orientation", "strip", tmp_path / "none.csv", "--out", tmp_path / "o")
     assert (missing.code, "none.csv: cannot be read" in missing.complaint) == (2, True)
+
+
+def test_a_run_tells_of_fibres_and_of_the_orientation_that_the_design_names(tmp_path: Path) -> None:
+    """What a run takes into its report: numbers of the field, and the table with its fit where a design has one.
+
+    Catches: a measured orientation of which the report says nothing.
+    """
+    design = load_design("strip", [f"muscle.orientation={table(tmp_path / 'h.csv', ('a.tif', 5.0, 15.0))}"])
+    mesh = committed_mesh(design, 2.0)
+    assert mesh is not None
+    found = muscle_findings(design, mesh, tmp_path)
+    assert list(found.numbers) == ["drive", "fibres", "orientation"]
+    assert found.numbers["fibres"]["theta_deg"] == pytest.approx(85.0, abs=1e-3)
+    assert found.numbers["orientation"]["images"][0]["theta_deg"] == pytest.approx(85.0, abs=1e-3)
+    assert {path.name for path, _ in found.figures} == {"drive.png", "fibres.png", "orientation.png"}
+    assert (tmp_path / "tables" / "histograms.csv").is_file()
 
 
 def test_a_mesh_file_and_a_size_do_not_go_together(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

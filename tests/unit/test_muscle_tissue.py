@@ -174,8 +174,8 @@ def test_the_command_and_the_run_tell_of_the_tissue(capsys: pytest.CaptureFixtur
     folder = tmp_path / "run"
     folder.mkdir()
     found = muscle_findings(design, read_mesh(ROOT / "meshes" / "junction_bot_small.msh"), folder)
-    assert list(found.numbers) == ["drive", "tissue", "oxygen"]
-    assert len(found.figures) == 5
+    assert list(found.numbers) == ["drive", "fibres", "tissue", "oxygen"]
+    assert len(found.figures) == 6
     assert all(file.is_file() for file, _ in found.figures)
     assert (folder / "tables" / "seeding.csv").is_file()
     assert (

@@ -187,8 +187,9 @@ def test_every_file_is_there_and_opens(result: tuple[Path, dict[str, Any]], desi
     assert stretch == pytest.approx(states(summary)["peak"]["fibre_stretch_1"], rel=0.01)
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64") == len(list((out / "figures").glob("*.png"))) >= 7
-    tables = {"states.csv", "comparison.csv", "stroke.csv", "walks.csv", "drive.csv"}
+    tables = {"states.csv", "comparison.csv", "stroke.csv", "walks.csv", "drive.csv", "fibres.csv"}
     assert summary["muscle"]["drive"]["peak_1"] == pytest.approx(1.0)
+    assert summary["muscle"]["fibres"]["along_middle_1"] == pytest.approx(1.0, abs=1e-12)
     if not gmsh_missing():
         tables.add("error_estimate.csv")
     assert {p.name for p in (out / "tables").iterdir() if not p.name.startswith("walk_")} == tables

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from fem_biobot.mesh.body import BodyMesh
     from fem_biobot.mesh.files import read_mesh, write_mesh
     from fem_biobot.mesh.geometry import build_mesh
+    from fem_biobot.muscle.directions import fibres_around, fibres_between
+    from fem_biobot.muscle.orientation_file import orientation_of_file
     from fem_biobot.rod.activation.curve import MuscleCurve
     from fem_biobot.rod.drag.linear import LinearDrag
     from fem_biobot.rod.drag.record import Drag
@@ -83,6 +85,8 @@ _HOMES = {
     "mesh.body": ("BodyMesh",),
     "mesh.files": ("read_mesh", "write_mesh"),
     "mesh.geometry": ("build_mesh",),
+    "muscle.directions": ("fibres_around", "fibres_between"),
+    "muscle.orientation_file": ("orientation_of_file",),
     "rod.activation.curve": ("MuscleCurve",),
     "rod.drag.linear": ("LinearDrag",),
     "rod.drag.record": ("Drag",),
@@ -184,9 +188,12 @@ __all__ = [
     "build_mesh",
     "crosscheck",
     "dynamics",
+    "fibres_around",
+    "fibres_between",
     "load_design",
     "measures",
     "modes",
+    "orientation_of_file",
     "reaction",
     "read_mesh",
     "reduce",

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import skfem
@@ -35,8 +36,11 @@ from fem_biobot.muscle.oxygen_depth import section
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+_SOLVED: WeakKeyDictionary[BodyMesh, dict[tuple[str, str, float], Oxygenation]] = WeakKeyDictionary()
 # the middle fifth of the span stands for the section, as it does for the fibre stretch
 _MIDDLE = 0.1
+# elements larger than this share of the depth that oxygen reaches are divided, up to so many
+_PART_OF_REACH, _MOST_ELEMENTS = 0.6, 50_000
 # an undershoot of the concentration beyond this share of the supply tells of a mesh too coarse for it
 COARSE = 0.02
 
@@ -48,43 +52,55 @@ class Oxygenation:
     Attributes
     ----------
     field
-        Solved on the muscle, or with a permeable gel on the whole body.
-    muscle
-        The field's elements that are muscle, (e,), in the order of ``mesh.regions["muscle"]``.
+        Solved on the muscle, or with a permeable gel on the whole body; on a mesh divided further where the body's is
+        coarse for the depth that oxygen reaches.
+    tissue
+        The field's elements that are muscle, (t,).
+    element
+        The element of the body that each of them lies in, (t,), counted as in ``mesh.regions["muscle"]``.
     middle
-        Which of them lie in the middle fifth of the span, (e,).
+        Which of the body's muscle elements lie in the middle fifth of the span, (e,).
     """
 
     field: OxygenField
-    muscle: Ints
+    tissue: Ints
+    element: Ints
     middle: NDArray[np.bool_]
 
     @property
     def viable(self) -> Array:
-        """Viable share of each muscle element, (e,) [1]."""
-        return self.field.viable()[self.muscle]
+        """Viable share of each muscle element of the body, (e,) [1]."""
+        volume = self.field.basis.dx.sum(axis=1)[self.tissue]
+        n = self.middle.size
+        alive = np.bincount(self.element, volume * self.field.viable()[self.tissue], n)
+        return np.clip(alive / np.bincount(self.element, volume, n), 0.0, 1.0)
+
+    @property
+    def between(self) -> Ints:
+        """The field's elements in the middle fifth of the span, (k,)."""
+        return self.tissue[self.middle[self.element]]
 
     @property
     def gamma(self) -> float:
         """Viable share of the middle fifth of the muscle between the pillars: the paper's gamma [1]."""
-        return self.field.gamma(self.muscle[self.middle])
+        return self.field.gamma(self.between)
 
     @property
     def gamma_whole(self) -> float:
         """Viable share of all of the muscle [1]."""
-        return self.field.gamma(self.muscle)
+        return self.field.gamma(self.tissue)
 
     @property
     def least(self) -> float:
         """Smallest concentration in the muscle [mM]."""
-        return max(0.0, float(self.field.points[self.muscle].min()))
+        return max(0.0, float(self.field.points[self.tissue].min()))
 
     def notes(self) -> list[str]:
         """What a user must know of this field, one line each."""
         found = []
         if self.gamma == 0.0:
             found.append("oxygen: gamma is 0: no tissue between the pillars is viable, so the machine has no muscle")
-        elif self.gamma_whole < 1.0:
+        elif self.gamma_whole < 1.0 - 1e-9:
             found.append(
                 f"oxygen: {100.0 * (1.0 - self.gamma_whole):.3g} % of the tissue gets less than "
                 f"{self.field.law.threshold:g} mM; gamma is {self.gamma:.3f} between the pillars"
@@ -111,7 +127,7 @@ def oxygen_law(design: Design) -> OxygenLaw:
 
 
 def oxygenation(design: Design, mesh: BodyMesh) -> Oxygenation:
-    """Oxygen in the muscle of a design, on its mesh.
+    """Oxygen in the muscle of a design, on its mesh; what was solved on a mesh before is returned again.
 
     Raises
     ------
@@ -122,7 +138,16 @@ def oxygenation(design: Design, mesh: BodyMesh) -> Oxygenation:
     SolveError
         As `steady_oxygen`.
     """
-    oxygen, law = oxygen_of(design), oxygen_law(design)
+    oxygen = oxygen_of(design)
+    solved = _SOLVED.setdefault(mesh, {})
+    key = (oxygen.model_dump_json(), design.kind, design.span)
+    if key not in solved:
+        solved[key] = _oxygenation(design, oxygen, mesh)
+    return solved[key]
+
+
+def _oxygenation(design: Design, oxygen: Oxygen, mesh: BodyMesh) -> Oxygenation:
+    law = oxygen_law(design)
     if "muscle" not in mesh.regions:
         raise MeshError(f"muscle: found no such region in the mesh ({', '.join(mesh.regions)}), expected its tissue")
     muscle = mesh.regions["muscle"]
@@ -130,20 +155,61 @@ def oxygenation(design: Design, mesh: BodyMesh) -> Oxygenation:
     elements = np.arange(mesh.n_elements) if whole else muscle
     used, cells = np.unique(mesh.cells[:, elements], return_inverse=True)
     body = skfem.MeshTet(np.ascontiguousarray(mesh.points[:, used]), np.ascontiguousarray(cells.reshape(4, -1)))
-    wetted = _wetted(design, mesh, elements, body, used)
-    here = muscle if whole else np.arange(muscle.size)
-    if whole:
-        assert oxygen.gel_diffusivity is not None
-        D, use = np.full(elements.size, oxygen.gel_diffusivity), np.zeros(elements.size)
-        D[muscle], use[muscle] = law.diffusivity, 1.0
-        field = steady_oxygen(body, law, wetted, diffusivity=D, consuming=use)
-    else:
-        field = steady_oxygen(body, law, wetted)
     X = mesh.points[:, mesh.cells[:, muscle]].mean(axis=1)
     middle = np.abs(X[0]) <= _MIDDLE * design.span
     if not middle.any():
         raise MeshError("muscle: found no tissue in the middle of the span, expected some for its gamma")
-    return Oxygenation(field, here, middle)
+    wetted = _wetted(design, mesh, elements, body, used)
+    parent = np.arange(elements.size)
+    while _coarse(body, law):
+        body, wetted, above = divided(body, wetted)
+        parent = parent[above]
+    # counted among the body's muscle elements, -1 in the gel
+    order = np.full(mesh.n_elements, -1)
+    order[muscle] = np.arange(muscle.size)
+    element = order[elements[parent]]
+    tissue = np.flatnonzero(element >= 0)
+    if whole:
+        assert oxygen.gel_diffusivity is not None
+        D = np.where(element >= 0, law.diffusivity, oxygen.gel_diffusivity)
+        field = steady_oxygen(body, law, wetted, diffusivity=D, consuming=(element >= 0).astype(float))
+    else:
+        field = steady_oxygen(body, law, wetted)
+    return Oxygenation(field, tissue, element[tissue], middle)
+
+
+def _coarse(body: skfem.MeshTet, law: OxygenLaw) -> bool:
+    """Whether elements are larger than a part of the depth that oxygen reaches, and few enough to be divided."""
+    if law.consumption == 0.0 or 8 * body.nelements > _MOST_ELEMENTS:
+        return False
+    reach = np.sqrt(2.0 * law.diffusivity * law.supply / law.consumption)
+    ends = body.p[:, body.edges]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=0).mean()) > _PART_OF_REACH * reach
+
+
+def divided(body: skfem.MeshTet, faces: Ints) -> tuple[skfem.MeshTet, Ints, Ints]:
+    """Each tetrahedron in eight: the mesh, those of its facets that lie on `faces`, and the parent of each element."""
+    n, corners = body.nelements, body.p.shape[1]
+    # scikit-fem carries subdomains along: one for each binary digit of an element's number
+    digits = {str(b): np.flatnonzero(np.arange(n) >> b & 1) for b in range(n.bit_length())}
+    fine = body.with_subdomains(digits).refined()
+    parent = np.zeros(fine.nelements, dtype=np.int64)
+    for digit, inside in (fine.subdomains or {}).items():
+        parent[inside] += 1 << int(digit)
+    # a new vertex halves an edge, and has the number of that edge behind those of the corners
+    total = fine.p.shape[1]
+    edge_keys = row_keys(np.asarray(body.edges, dtype=np.int64), total)
+    rank = np.argsort(edge_keys)
+
+    def middle(a: Ints, b: Ints) -> Ints:
+        return corners + rank[np.searchsorted(edge_keys, row_keys(np.stack([a, b]), total), sorter=rank)]
+
+    a, b, c = np.asarray(body.facets, dtype=np.int64)[:, faces]
+    ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
+    parts = np.concatenate([np.stack(t) for t in ((a, ab, ca), (b, ab, bc), (c, bc, ca), (ab, bc, ca))], axis=1)
+    boundary = fine.boundary_facets()
+    keys = row_keys(np.asarray(fine.facets, dtype=np.int64)[:, boundary], total)
+    return fine, boundary[np.isin(keys, row_keys(parts, total))], parent
 
 
 def _wetted(design: Design, mesh: BodyMesh, elements: Ints, body: skfem.MeshTet, used: Ints) -> Ints:

@@ -49,8 +49,11 @@ def oxygen_finding(design: Design, mesh: BodyMesh, figures: Path) -> Finding:
         notes.append("oxygen: the design has no [muscle.oxygen], so its tension does not depend on what is told here")
     maps = (figures / "oxygen_section.png", "Oxygen over the section between the pillars; below the threshold: red.")
     rules = (figures / "oxygen_thickness.png", f"Largest thickness, wetted on both sides, with {WANTED:.0%} viable.")
-    X = np.asarray(found.field.basis.global_coordinates())[:, found.muscle[found.middle]].reshape(3, -1)
-    c = np.maximum(found.field.points[found.muscle[found.middle]].ravel(), 0.0)
+    X = np.asarray(found.field.basis.global_coordinates())[:, found.between].reshape(3, -1)
+    c = np.maximum(found.field.points[found.between].ravel(), 0.0)
+    # enough points for a picture
+    thin = max(1, c.size // 40_000)
+    X, c = X[:, ::thin], c[::thin]
     cloud(
         maps[0], X[1], X[2], c, x="y [mm]", y="z [mm]", value="oxygen [mM]", below=law.threshold,
         title=f"{design.name}: oxygen in the middle fifth, gamma {found.gamma:.3f}",

@@ -8,15 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import skfem
 
 from fem_biobot.config import load_design, to_toml
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, MeshError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.files import read_mesh
+from fem_biobot.muscle import oxygenation as module
 from fem_biobot.muscle.drive import active_force
 from fem_biobot.muscle.oxygen_depth import slab_gamma
-from fem_biobot.muscle.oxygenation import oxygenation, section_gamma, viable_gamma, viable_share
+from fem_biobot.muscle.oxygenation import divided, oxygenation, section_gamma, viable_gamma, viable_share
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.from_design import model_from_design, tension_unit
 from fem_biobot.study.muscle_oxygen import thickness_rule
@@ -31,6 +33,12 @@ PERMEABLE = ("muscle.oxygen.gel = permeable", "muscle.oxygen.gel_diffusivity = 1
 def body(name: str) -> BodyMesh:
     """A committed mesh."""
     return read_mesh(ROOT / "meshes" / f"{name}_small.msh")
+
+
+@pytest.fixture(autouse=True)
+def undivided(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fields on the bodies' own meshes, quick and coarse."""
+    monkeypatch.setattr(module, "_MOST_ELEMENTS", 0)
 
 
 def hungry(*more: str) -> Design:
@@ -58,8 +66,43 @@ def test_the_medium_wets_what_is_not_on_the_gel() -> None:
     assert through.gamma_whole > found.gamma_whole + 0.01
     # both counted over the muscle alone
     volume = found.field.basis.dx.sum()
-    assert through.field.basis.dx[through.muscle].sum() == pytest.approx(volume)
+    assert through.field.basis.dx[through.tissue].sum() == pytest.approx(volume)
     assert found.field.uptake < through.field.uptake < found.field.law.consumption * volume
+
+
+def test_dividing_keeps_parents_and_faces() -> None:
+    """Eight parts fill each tetrahedron, and the parts of the wetted faces are all that lie on them.
+
+    Catches: parents in another order, a face whose middle part is forgotten, edges mixed up.
+    """
+    coarse = skfem.MeshTet.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 0.7, 3), np.linspace(0, 0.4, 2))
+    top = coarse.facets_satisfying(lambda x: np.isclose(x[2], 0.4))
+    fine, faces, parent = divided(coarse, top)
+    assert np.bincount(parent).tolist() == [8] * coarse.nelements
+    assert np.sort(faces).tolist() == np.sort(fine.facets_satisfying(lambda x: np.isclose(x[2], 0.4))).tolist()
+    # the centroids of eight equal parts have that of the whole as their mean
+    parts, whole = fine.p[:, fine.t].mean(axis=1), coarse.p[:, coarse.t].mean(axis=1)
+    mean = np.stack([np.bincount(parent, parts[k]) / 8.0 for k in range(3)])
+    assert mean == pytest.approx(whole, abs=1e-12)
+
+
+def test_meshes_that_are_coarse_for_the_depth_are_divided(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At a consumption whose depth is less than an element the field is solved on parts; gamma comes nearer to that of
+    the plane section, shares stay those of the body's elements, and a repeated question is not solved again.
+
+    Catches: shares in the order of the parts, a division that changes the body's volume, a field solved at each call.
+    """
+    design = load_design("ring_bot", ["muscle.gamma = 1", "muscle.oxygen.consumption = 0.03 mM/s"])
+    coarse = oxygenation(design, read_mesh(ROOT / "meshes" / "ring_bot_small.msh"))
+    monkeypatch.setattr(module, "_MOST_ELEMENTS", 3000)
+    mesh = read_mesh(ROOT / "meshes" / "ring_bot_small.msh")
+    found = oxygenation(design, mesh)
+    assert len(found.tissue) == 8 * len(coarse.tissue)
+    assert abs(found.gamma - section_gamma(design)) < abs(coarse.gamma - section_gamma(design))
+    assert found.field.basis.dx.sum() == pytest.approx(mesh.region_volumes()["muscle"])
+    volumes = mesh.volumes[mesh.regions["muscle"]]
+    assert found.viable @ volumes / volumes.sum() == pytest.approx(found.gamma_whole)
+    assert oxygenation(design, mesh) is found
 
 
 def test_a_strip_cut_from_a_plate_is_a_slab() -> None:

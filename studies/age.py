@@ -140,7 +140,7 @@ FOUND = """
   In terms of Eq. 1 the rise of 4.9 is 1.11 from alignment and 4.4 left for number, length and force of myotubes; from
   day 10 on 1.78 is 1.04 times 1.70. Even with no alignment on day 5 at all (51 degrees) 3.3 is left.
 * Maturation has to supply 0.23 to 0.26 of the active stress of 15 days on day 5, and 0.59 to 0.64 on day 10.
-* With the tensions of `muscle.maturation`, which were scaled with the measured forces, and the spread of the day on top,
+* With the tensions of `muscle.maturation`, which were scaled with the measured forces, and the day's spread on top,
   the continuum gives 0.17 and 0.51, low by the alignment that is counted twice: state a spread beside
   [muscle.tissue] only where the tension is meant along the fibres.
 * The passive force: measured nearly constant (0.95), while spread fibres alone would give 0.76. Alignment that rises

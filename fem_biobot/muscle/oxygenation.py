@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -191,7 +192,7 @@ def divided(body: skfem.MeshTet, faces: Ints) -> tuple[skfem.MeshTet, Ints, Ints
     """Each tetrahedron in eight: the mesh, those of its facets that lie on `faces`, and the parent of each element."""
     n, corners = body.nelements, body.p.shape[1]
     # scikit-fem carries subdomains along: one for each binary digit of an element's number
-    digits = {str(b): np.flatnonzero(np.arange(n) >> b & 1) for b in range(n.bit_length())}
+    digits: dict[str, Any] = {str(b): np.flatnonzero(np.arange(n) >> b & 1) for b in range(n.bit_length())}
     fine = body.with_subdomains(digits).refined()
     parent = np.zeros(fine.nelements, dtype=np.int64)
     for digit, inside in (fine.subdomains or {}).items():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fem_biobot.design import Design
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.study.plan import Solver, Wanted
@@ -33,11 +35,13 @@ def passive_and_active(design: Design, mesh: BodyMesh) -> dict[str, float]:
     """
     solver = Solver(design, mesh, Silent())
     standing, whole = design.tension(0.0), design.tension(design.drive.amplitude)
-    for k in range(1, _STEPS + 1):
+    for k in range(1, _STEPS):
         tension = k / _STEPS * standing
-        found = solver.solve(Wanted(f"passive_{k}", f"{tension:.3g} kPa", tension=tension))
-    rest = solver.measurer.measures(found.state)
-    driven = solver.measurer.measures(solver.solve(Wanted("peak", f"{whole:.3g} kPa", tension=whole)).state)
+        solver.solve(Wanted(f"passive_{k}", f"{tension:.3g} kPa", tension=tension))
+    passive = solver.solve(Wanted("passive", f"{standing:.3g} kPa", tension=standing))
+    rest: dict[str, Any] = solver.measurer.measures(passive.state)
+    peak = solver.solve(Wanted("peak", f"{whole:.3g} kPa", tension=whole))
+    driven: dict[str, Any] = solver.measurer.measures(peak.state)
     return {
         "passive_mN": rest["muscle_force_mN"],
         "active_mN": driven["muscle_force_mN"] - rest["muscle_force_mN"],

@@ -109,7 +109,8 @@ def geometry_digest(design: Design) -> str:
         name
         for name, key in keys().items()
         if name.startswith(("skeleton.", "muscle."))
-        and not name.startswith("muscle.tissue.")  # the lengths that follow from it are there
+        # the lengths that follow from the tissue are there, and a picture's edges shape nothing
+        and not name.startswith(("muscle.tissue.", "muscle.activation."))
         and key.quantity is not None
         and key.quantity.unit == "mm"
     ]
@@ -270,8 +271,10 @@ def _make_room_for_tissue(table: Table) -> None:
 def _place_files(table: Table, folder: Path) -> None:
     """Names of files in a table made absolute, in place; they are beside the file that names them."""
     for key, words in FILE_KEYS.items():
-        section, _, name = key.rpartition(".")
-        inside = table.get(section)
+        *sections, name = key.split(".")
+        inside: object = table
+        for section in sections:
+            inside = inside.get(section) if isinstance(inside, dict) else None
         if not isinstance(inside, dict):
             continue
         text = inside.get(name)

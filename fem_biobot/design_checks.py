@@ -72,6 +72,7 @@ def check_fit(design: Design) -> None:
     _check_laws(design)
     _check_tension(design)
     _check_oxygen(design)
+    _check_activation(design)
     if design.kind == "bot" and design.skeleton is not None and design.muscle is not None:
         _check_skeleton(design, design.skeleton)
         _check_muscle(design, design.skeleton, design.muscle)
@@ -254,6 +255,30 @@ def _check_tension(design: Design) -> None:
     if muscle.convention == "active_strain" and any(extras.values()):
         key = next(name for name, given in extras.items() if given)
         raise DesignError(f"muscle.{key}: found with muscle.convention active_strain, expected it with a tension only")
+
+
+def _check_activation(design: Design) -> None:
+    """One way of giving it, a picture with its edges, and a tension that has a stimulated part."""
+    muscle = design.muscle
+    field = None if muscle is None else muscle.activation
+    if muscle is None or field is None:
+        return
+    given = [f"muscle.activation.{name}" for name in ("formula", "table", "image") if getattr(field, name)]
+    if len(given) != 1:
+        raise DesignError(
+            f"muscle.activation: found {' and '.join(given) or 'nothing'}, expected one of formula, table and image"
+        )
+    edges = ("image_left", "image_right", "image_bottom", "image_top")
+    for name in edges:
+        if (getattr(field, name) is None) == bool(field.image):
+            found = "missing" if field.image else "found without a picture"
+            raise DesignError(f"muscle.activation.{name}: {found}, expected all four edges with image and none without")
+    if field.image and (field.image_left == field.image_right or field.image_bottom == field.image_top):
+        raise DesignError("muscle.activation.image_right: found a picture of no extent, expected edges that differ")
+    if muscle.convention == "active_strain":
+        raise DesignError(
+            "muscle.activation: found with muscle.convention active_strain, expected it with a tension only"
+        )
 
 
 def _check_oxygen(design: Design) -> None:

@@ -46,6 +46,7 @@ PositiveLength = Annotated[float, Quantity("mm", 0.0, low_open=True)]
 # Zero where the kind of machine or the layout has no such part; `Design` asks for it where there is one.
 PartLength = Annotated[float, Quantity("mm", 0.0)]
 Coordinate = Annotated[float, Quantity("mm")]
+OptionalCoordinate = Annotated[float | None, Quantity("mm")]
 Angle = Annotated[float, Quantity("rad", 0.0, math.pi)]
 SignedAngle = Annotated[float, Quantity("rad", -math.pi, math.pi)]
 Modulus = Annotated[float, Quantity("kPa", 0.0, low_open=True)]
@@ -82,7 +83,12 @@ OptionalThird = Annotated[float | None, Quantity("1", 0.0, 1.0 / 3.0)]
 
 OptionalText = str | None
 # keys that may name a file, and the words that do not
-FILE_KEYS: dict[str, tuple[str, ...]] = {"muscle.fibres": ("smooth", "piecewise"), "muscle.orientation": ()}
+FILE_KEYS: dict[str, tuple[str, ...]] = {
+    "muscle.fibres": ("smooth", "piecewise"),
+    "muscle.orientation": (),
+    "muscle.activation.table": ("",),
+    "muscle.activation.image": ("",),
+}
 
 Kind = Literal["bot", "strip", "cantilever", "walker"]
 Law = Literal[
@@ -222,6 +228,25 @@ class Tissue(Record, frozen=True):
     )
 
 
+class ActivationField(Record, frozen=True):
+    """Where and when the muscle is stimulated: one of a formula, a table and a picture. The standing tension stays."""
+
+    formula: str = Field(
+        default="",
+        description="Share of the stimulated tension as a formula in x, y, z (reference position in mm), t (s) and pi, "
+        "such as where(x > 0, 1, 0)",
+    )
+    table: str = Field(
+        default="", description="CSV file beside the design with columns x, y, z (mm; some may be absent), activation"
+    )
+    image: str = Field(default="", description="Grey PNG or TIFF file beside the design, laid over the x-y plane")
+    image_left: OptionalCoordinate = Field(default=None, description="x of the picture's left edge [mm]")
+    image_right: OptionalCoordinate = Field(default=None, description="x of its right edge [mm]")
+    image_bottom: OptionalCoordinate = Field(default=None, description="y of its lower edge [mm]")
+    image_top: OptionalCoordinate = Field(default=None, description="y of its upper edge [mm]")
+    instant: NonNegativeTime = Field(default=0.0, description="The t at which states are solved [s]")
+
+
 class Muscle(Record, frozen=True):
     """Muscle tissue, its fibres and its tension."""
 
@@ -270,7 +295,8 @@ class Muscle(Record, frozen=True):
         "per current area; active_strain: the tissue's natural length shrinks instead",
     )
     force_length: ForceLength = Field(
-        default="none", description="How the tension depends on the fibre's stretch: none, or a curve of native muscle"
+        default="none",
+        description="How the stimulated tension depends on the fibre's stretch: none, or a curve of native muscle",
     )
     optimal_stretch: OptionalPositive = Field(
         default=None, description="Stretch of greatest force of that curve, 1 if left out [1]"
@@ -279,6 +305,7 @@ class Muscle(Record, frozen=True):
     tissue: Tissue | None = Field(
         default=None, description="How the tissue was seeded, in place of its section and tension"
     )
+    activation: ActivationField | None = Field(default=None, description="Stimulation that is not the same everywhere")
     oxygen: Oxygen | None = Field(default=None, description="Oxygen, where it decides on the viable share")
     material: Material = Field(description="Tissue without its tension")
 

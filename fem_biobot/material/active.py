@@ -14,8 +14,9 @@ from fem_biobot.material.dispersion import AngularTension, Dispersion
 from fem_biobot.material.fibre_tension import FibreTension, check_tension, check_transverse, check_unit
 from fem_biobot.material.force_length import CONSTANT, ForceLength, force_length
 from fem_biobot.material.law import Array, Law
+from fem_biobot.material.muscle_tension import Activation, MuscleTension
 
-__all__ = ["ActiveLaw", "ActiveStress", "Convention", "active_law"]
+__all__ = ["Activation", "ActiveLaw", "ActiveStress", "Convention", "active_law"]
 
 
 class ActiveLaw(Law, Protocol):
@@ -37,13 +38,22 @@ class ActiveStress:
     convention
         See `Convention`.
     force_length
-        Dependence on the fibre stretch: a curve, or the name of one in `FORCE_LENGTH`; none by default.
+        Dependence of the stimulated tension on the fibre stretch: a curve, or the name of one in `FORCE_LENGTH`; none
+        by default.
     transverse
         Tension across the fibre as a share of that along it, in [0, 1]; see `FibreTension`.
     dispersion
         Spread of the fibres about `a0`; by default none.
     integrate
         Sum over the directions of the dispersion, the slow reference, in place of its structure tensor.
+    standing
+        How much of `tension` is there without stimulation [kPa], a number or one value an element of the region; none
+        by default. As the tension rises with the step's factor it comes first. Neither `force_length` nor `activation`
+        acts on it: force-length curves are measured on what stimulation adds.
+    activation
+        Share of the stimulated tension over space and time: a function of reference positions (3, k) [mm] and the
+        step's time [s] with values (k,) of at least 0; 1 everywhere by default. See `muscle.activation` for formulas,
+        tables and pictures.
     """
 
     tension: float | Array
@@ -53,6 +63,8 @@ class ActiveStress:
     transverse: float = 0.0
     dispersion: Dispersion | None = None
     integrate: bool = False
+    standing: float | Array = 0.0
+    activation: Activation | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "convention", convention_of(self.convention))
@@ -70,15 +82,33 @@ class ActiveStress:
             "force_length": not curve.is_constant,
             "transverse": self.transverse > 0.0,
             "dispersion": self.dispersion is not None,
+            "activation": self.activation is not None,
         }
         if self.convention is Convention.active_strain and any(extras.values()):
             found = next(name for name, given in extras.items() if given)
             raise ModelError(f"{found}: found with convention active_strain, expected it with an active stress only")
         if self.integrate and (self.dispersion is None or self.transverse):
             raise ModelError("integrate: found without a dispersion, or with transverse tension, expected neither")
+        check_tension(self.standing)
+        if np.any(np.asarray(self.standing) > np.asarray(self.tension) * (1.0 + 1e-12)):
+            raise ModelError(
+                f"standing: found {np.max(self.standing):g} kPa, expected at most the tension, of which it is a part"
+            )
+        if self.activation is not None and not callable(self.activation):
+            raise ModelError(f"activation: found {self.activation!r}, expected a function of position and time")
+        if self.integrate and (np.any(self.standing) or self.activation is not None):
+            raise ModelError("integrate: found with a standing tension or an activation, expected neither")
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether the standing and the stimulated tension differ in more than their size."""
+        curved = isinstance(self.force_length, ForceLength) and not self.force_length.is_constant
+        return self.activation is not None or (curved and bool(np.any(self.standing)))
 
 
-def active_law(muscle: ActiveStress, n_elements: int, elements: np.ndarray, passive: Law) -> ActiveLaw:
+def active_law(
+    muscle: ActiveStress, n_elements: int, elements: np.ndarray, passive: Law, X: Array | None = None
+) -> ActiveLaw:
     """The law of a region's active tension over all elements of a mesh, without tension outside the region.
 
     Parameters
@@ -89,6 +119,8 @@ def active_law(muscle: ActiveStress, n_elements: int, elements: np.ndarray, pass
         Those of the region, (k,), in the order of the arrays of `muscle`.
     passive
         Passive law of the region; only active strain asks for it.
+    X
+        Reference positions of the points of all elements, (3, e, q) [mm]; only an activation asks for them.
     """
     tension = np.zeros(n_elements)
     tension[elements] = muscle.tension
@@ -102,9 +134,14 @@ def active_law(muscle: ActiveStress, n_elements: int, elements: np.ndarray, pass
     if convention is Convention.active_strain:
         return ActiveStrain(tension, a0, passive)
     assert isinstance(muscle.force_length, ForceLength)
-    if muscle.dispersion is None:
-        return FibreTension(tension, a0, convention, muscle.force_length, muscle.transverse)
     if muscle.integrate:
+        assert muscle.dispersion is not None
         return AngularTension(tension, a0, muscle.dispersion, convention, muscle.force_length)
-    structure = muscle.dispersion.structure(a0)
-    return FibreTension(tension, a0, convention, muscle.force_length, muscle.transverse, structure)
+    structure = None if muscle.dispersion is None else muscle.dispersion.structure(a0)
+    whole = FibreTension(tension, a0, convention, muscle.force_length, muscle.transverse, structure)
+    if not muscle.has_parts:
+        return whole
+    kept = np.zeros(n_elements)
+    kept[elements] = muscle.standing
+    standing = FibreTension(kept, a0, convention, CONSTANT, muscle.transverse, structure)
+    return MuscleTension(whole, standing, muscle.activation, X, elements)

@@ -105,6 +105,13 @@ class FibreTension:
         object.__setattr__(other, "_factor", self._factor * factor)
         return other
 
+    def with_tension(self, tension: float | Array) -> FibreTension:
+        """The same law with another tension, at factor 1."""
+        other = copy(self)
+        object.__setattr__(other, "tension", tension)
+        object.__setattr__(other, "_factor", 1.0)
+        return other
+
     def at(self, elements: np.ndarray) -> FibreTension:
         """The law of these elements only, (k,); the law itself where nothing differs between elements."""
         other = copy(self)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
 from fem_biobot.muscle.oxygenation import viable_gamma
+from fem_biobot.rod.activation.named import force_length_curve
 from fem_biobot.rod.build import Load
 from fem_biobot.rod.drag.record import Drag
 from fem_biobot.rod.ground import ContactPoints, Ground
@@ -36,7 +37,6 @@ _PLAIN_TENSION: dict[str, object] = {
     "muscle.convention": "nominal",
     "muscle.spread": 0.0,
     "muscle.transverse": 0.0,
-    "muscle.force_length": "none",
 }
 
 
@@ -257,6 +257,8 @@ def _bot(design: Design, elements: int, factor: PlateFactor, strands: Strands) -
         if design.value(key) != plain:
             found = design.value(key)
             raise ModelError(f"{key}: found {found}, expected {plain} for a rod model, whose muscles are lines")
+    if m.activation is not None:
+        raise ModelError("muscle.activation: found one, expected none for a rod model, whose muscles are lines")
     for key in ("skeleton.material.density", "muscle.material.density"):
         if not design.value(key) > 0.0:
             raise ModelError(f"{key}: found {design.value(key):g} kg/mm^3, expected a density above 0 for a rod model")
@@ -340,6 +342,7 @@ def _muscles(
             ends = [(names[0], -reach, names[-1], reach)]
         y = s.pillar_width / 2 + m.ring_thickness / 2
         lines, area = [(side, end) for side in (-y, y) for end in ends], m.ring_thickness * m.ring_height
+    curve = None if m.force_length == "none" else force_length_curve(m.force_length, m.optimal_stretch or 1.0)
     return [
         Muscle(
             (a, (xa, y, z)),
@@ -352,6 +355,7 @@ def _muscles(
             m.theta,
             viscosity=m.material.young * design.numerics.damping_time,
             name=name,
+            force_length=curve,
         )
         for name, (y, (a, xa, b, xb)) in zip(_numbered("muscle", len(lines)), lines, strict=True)
     ]

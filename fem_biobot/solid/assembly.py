@@ -149,7 +149,11 @@ def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress, l
     elements = np.ascontiguousarray(mesh.regions[name], dtype=np.int64)
     n, n_points = body.dV.shape
     tension, a0 = np.zeros((n, n_points)), np.zeros((3, n, n_points))
-    for label, given in (("tension", np.asarray(muscle.tension)), ("a0", muscle.a0[0])):
+    for label, given in (
+        ("tension", np.asarray(muscle.tension)),
+        ("standing", np.asarray(muscle.standing)),
+        ("a0", muscle.a0[0]),
+    ):
         if given.ndim and given.shape != (len(elements),):
             raise ModelError(
                 f"active[{name!r}].{label}: found {given.shape[0]} values, expected one for each of "
@@ -157,5 +161,6 @@ def _contraction(mesh: BodyMesh, body: Space, name: str, muscle: ActiveStress, l
             )
     tension[elements] = np.asarray(muscle.tension).reshape(-1, 1)
     a0[:, elements] = muscle.a0.reshape(3, -1, 1)
+    points = body.quadrature_points if muscle.activation is not None else None
     rise = float(tension.max()) / (3.0 * shear)
-    return Contraction(elements, name, tension, a0, rise, active_law(muscle, n, elements, law))
+    return Contraction(elements, name, tension, a0, rise, active_law(muscle, n, elements, law, points))

@@ -15,6 +15,7 @@ from fem_biobot.material.law import Array, Law
 from fem_biobot.material.laws import law_from
 from fem_biobot.material.natural_state import NaturalState, isochoric_contraction
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.muscle.activation import activation_of
 from fem_biobot.muscle.fibres import fibre_field, in_junction, piecewise_fibres
 from fem_biobot.muscle.oxygenation import viable_share
 from fem_biobot.solid.model import SolidModel
@@ -83,6 +84,8 @@ def tension_of(design: Design, a0: Array, share: float | Array = 1.0) -> ActiveS
         force_length(muscle.force_length, muscle.optimal_stretch or 1.0),
         muscle.transverse,
         Dispersion(muscle.spread, muscle.spread_kind) if muscle.spread else None,
+        standing=design.tension(0.0) * share,
+        activation=activation_of(design),
     )
 
 
@@ -99,7 +102,8 @@ def tension_unit(design: Design) -> float:
 
 def tension_step(design: Design, tension: float) -> Step:
     """The step with a given tension [kPa] under the design's whole load."""
-    return Step(load=1.0, tension=tension / tension_unit(design))
+    field = None if design.muscle is None else design.muscle.activation
+    return Step(load=1.0, tension=tension / tension_unit(design), time=0.0 if field is None else field.instant)
 
 
 def supports(design: Design, mesh: BodyMesh) -> list[Fix]:

@@ -19,6 +19,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import MeshError
 from fem_biobot.material.active_strain import ActiveStrain
 from fem_biobot.material.law import PAIRS, Array, add_law, inverse, is_symmetric, volume_ratio
+from fem_biobot.material.muscle_tension import MuscleTension
 from fem_biobot.muscle.fibres import in_junction, junction_blocks
 from fem_biobot.solid.from_design import tension_unit
 from fem_biobot.solid.model import SolidModel, SolidState
@@ -211,13 +212,13 @@ class Measurer:
     def tension_length(self, state: SolidState) -> float:
         """Energy of the tension at factor 1, nominal ``int T1 (stretch - 1) dV`` [uJ]: what the tension works against.
 
-        Not a number for a tension without energy (`Convention.cauchy`) and for active strain, whose energy is not in
-        proportion to the factor.
+        Not a number for a tension without energy (`Convention.cauchy`), and for active strain and a tension whose
+        stimulated part has a curve or an activation of its own: their energy is not in proportion to the factor.
         """
         psi = np.zeros(self._space.dV.shape)
         S, D = np.zeros((6, *psi.shape)), np.zeros((0, *psi.shape))
         for c in state.model.system.contractions:
-            if not is_symmetric(c.law) or isinstance(c.law, ActiveStrain):
+            if not is_symmetric(c.law) or isinstance(c.law, ActiveStrain | MuscleTension):
                 return float("nan")
             add_law(c.law, state.F, c.elements, S, D, psi)
         return float(np.sum(psi * self._space.dV))

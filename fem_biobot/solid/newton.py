@@ -61,6 +61,9 @@ _WAYS = ("auto", "direct", "iterative")
 MANY = 300_000
 
 
+# iterations in which the residual may rise however far: the first turns slender parts along their tangents, which
+# stretches them, and the stress carried along takes that back in the next ones
+_MAY_RISE = 2
 # relative residual of a trial below which the factor of the step before still serves
 _NEAR = 1e-4
 
@@ -201,7 +204,7 @@ def newton(
             pass  # the residual tells nothing yet: what is prescribed has not moved
         elif first is None:
             first = norm
-        elif norm > 1e4 * max(first, settings.tolerance * scale):
+        elif iteration > _MAY_RISE and norm > max(last, 1e4 * max(first, settings.tolerance * scale)):
             raise failed(f"the residual grows (to {norm / scale:.2g} of the force scale)", Why.diverged)
         data = system.matrix(points, S_geo, u, step)
         b = -free

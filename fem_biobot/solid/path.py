@@ -27,7 +27,8 @@ from fem_biobot.solid.space import Array
 from fem_biobot.solid.step_failed import StepFailedError
 from fem_biobot.solid.system import InvertedError, System
 
-_HALVINGS = 8
+# a way is halved as often as this, and as many tries of one step may fail
+_HALVINGS, _FAILURES = 8, 16
 # longest rise of the active tension in one step, as a share of three times the tissue's shear modulus: about the
 # contraction that a linear step still brings near enough, whatever the mesh
 _LONGEST_RISE = 0.36
@@ -74,7 +75,8 @@ def equilibria(
     for target in steps:
         before = solver.counts.copy()
         goals = [target] if trial else _subdivided(system, history[-1].step, target)
-        halvings = 0
+        halved = [0] * len(goals)  # how often the way to each goal was halved
+        failures = 0
         while goals:
             goal = goals[-1]
             try:
@@ -84,14 +86,17 @@ def equilibria(
                 if settings.check_stability:
                     refuse_unstable(system, solver, state)
             except StepFailedError as failure:
-                halvings += 1
+                failures += 1
+                halved[-1] += 1
                 reached = history[-1].step
-                if halvings > _HALVINGS or reached == goal or trial:
+                if halved[-1] > _HALVINGS or failures > _FAILURES or reached == goal or trial:
                     raise PathFailedError(failure, history[-1], target, goal) from None
                 observe("halved", {"load": goal.load, "tension": goal.tension})
                 goals.append(reached.between(goal, 0.5))
+                halved.append(halved[-1])
                 continue
             goals.pop()
+            halved.pop()
             # moduli are most of a state and serve no predictor
             history = [*history[-3:], replace(state, points=state.points._replace(D=state.points.D[:0].copy()))]
             trial = None
@@ -100,10 +105,7 @@ def equilibria(
 
 def _subdivided(system: System, here: Step, target: Step) -> list[Step]:
     """The target preceded by as many equal steps (latest first) as rising tension and turning surfaces ask for."""
-    rises = [
-        abs(target.tension_in(c.region) - here.tension_in(c.region)) * c.rise / _LONGEST_RISE
-        for c in system.contractions
-    ]
+    rises = [c.rise_between(here, target) / _LONGEST_RISE for c in system.contractions]
     turns = [
         abs((target.load_on(name) - here.load_on(name)) * angle) / _LONGEST_TURN
         for name, angle in system.held.prescribed.rotations

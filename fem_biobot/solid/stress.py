@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem_biobot.material.law import PAIRS, Array, at_elements, inverse, volume_ratio
+from fem_biobot.material.active import ActiveLaw
+from fem_biobot.material.law import PAIRS, Array, Law, at_elements, inverse, volume_ratio
+from fem_biobot.material.muscle_tension import MuscleTension
 from fem_biobot.material.volume import volume_measure
 from fem_biobot.solid.mixed.pressure import PressureField
 from fem_biobot.solid.model import SolidState
@@ -119,9 +121,14 @@ class Probe:
         for c in system.contractions:
             mine = np.isin(self.elements, c.elements)
             if mine.any():
-                tension = at_elements(c.law_at(state.step), self.elements[mine])
+                tension = _tension_at(c.law_at(state.step), self.elements[mine], self._positions(system, mine))
                 P[:, :, mine] += tension.stress(F[:, :, mine])
         return np.einsum("ikn,jkn->ijn", P, F) / volume_ratio(F)
+
+    def _positions(self, system: System, mine: np.ndarray) -> Array:
+        """Reference positions of some of the probe's points, (3, k) [mm]."""
+        corners = system.space.points[:, system.space.nodes[:4, self.elements[mine]]]
+        return np.einsum("ick,ck->ik", corners, self.barycentric[:, mine])
 
     def _add_pressure(self, field: PressureField, pressure: Array, F: Array, P: Array) -> None:
         """Add the first Piola stress ``p dg/dF`` of the mixed form, in place."""
@@ -132,6 +139,11 @@ class Probe:
                 J = volume_ratio(F[:, :, mine])
                 slope = volume_measure(J, part.measure)[1]
                 P[:, :, mine] += p * slope * J * inverse(F[:, :, mine]).swapaxes(0, 1)
+
+
+def _tension_at(law: ActiveLaw, elements: Ints, X: Array) -> Law:
+    """The law of a tension at positions (3, k) [mm] in these elements."""
+    return law.at_positions(elements, X) if isinstance(law, MuscleTension) else at_elements(law, elements)
 
 
 def probe(system: System, X: Array) -> Probe:

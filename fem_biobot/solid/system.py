@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fem_biobot.material.active import ActiveLaw
 from fem_biobot.material.kernels import extrapolated_stress, smallest_volume_ratio
 from fem_biobot.material.law import Array, Law, add_law
+from fem_biobot.material.muscle_tension import MuscleTension
 from fem_biobot.solid import kernels
 from fem_biobot.solid.held import Held
 from fem_biobot.solid.linear import product
@@ -79,8 +80,19 @@ class Contraction:
     law: ActiveLaw
 
     def law_at(self, step: float | Step) -> ActiveLaw:
-        """The tension's law at a step, or at a factor."""
-        return self.law.scaled(tension_factor(step, self.region))
+        """The tension's law at a step, or at a factor (and the instant 0)."""
+        law = self.law
+        if isinstance(law, MuscleTension) and isinstance(step, Step):
+            law = law.at_time(step.time)
+        return law.scaled(tension_factor(step, self.region))
+
+    def rise_between(self, here: Step, there: Step) -> float:
+        """Largest change of tension between two steps over three times the region's passive shear modulus [1]."""
+        one, two = self.law_at(here), self.law_at(there)
+        if not (isinstance(one, MuscleTension) and isinstance(two, MuscleTension)):
+            return abs(there.tension_in(self.region) - here.tension_in(self.region)) * self.rise
+        change = float(np.max(np.abs(sum(two.tensions()) - sum(one.tensions()))))
+        return change * self.rise / float(self.tension.max()) if change else 0.0
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def beside_closed_form(design: Design, states: Sequence[State]) -> list[dict[str
 
 def _has_closed_form(muscle: Muscle) -> bool:
     """Whether `free_contraction` speaks of this muscle: coupled neo-Hooke under plain nominal tension."""
-    plain = muscle.convention == "nominal" and muscle.force_length == "none"
+    plain = muscle.convention == "nominal" and muscle.force_length == "none" and muscle.activation is None
     return plain and muscle.material.law == "neo_hooke" and muscle.spread == muscle.transverse == 0.0
 
 

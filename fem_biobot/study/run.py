@@ -328,8 +328,10 @@ class _Job:
         if any(math.isnan(length) for _, _, length, _ in rows):
             for state in self.states:
                 state["muscle_work_uJ"] = None
-            convention = self.design.muscle.convention
-            self._note(f"muscle work: left out, with muscle.convention {convention} tension has no energy of its own")
+            muscle = self.design.muscle
+            plain = muscle.convention not in ("cauchy", "active_strain")
+            why = "a tension whose parts differ" if plain else f"muscle.convention {muscle.convention}"
+            self._note(f"muscle work: left out, with {why} there is no energy in proportion to the tension")
             return
         path = sorted((r for r in rows if r[0] == "as_moulded" and r[1] > 0.0), key=lambda row: row[1])
         for (_, _, _, state), work in zip(path, muscle_work([r[1] for r in path], [r[2] for r in path]), strict=True):

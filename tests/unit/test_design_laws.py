@@ -234,7 +234,7 @@ def test_closed_forms_stand_beside_what_they_speak_of_only() -> None:
 
 @pytest.mark.parametrize(
     "override",
-    ["muscle.convention=cauchy", "muscle.spread=5 deg", "muscle.transverse=0.1", "muscle.force_length=gordon_1966"],
+    ["muscle.convention=cauchy", "muscle.spread=5 deg", "muscle.transverse=0.1"],
 )
 def test_rods_refuse_a_tension_that_they_do_not_have(override: str) -> None:
     """A rod model's members pull along one line by nominal tension: what else a design says is refused by its key.

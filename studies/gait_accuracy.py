@@ -375,8 +375,8 @@ Static above kinetic (0.42 / 0.3): gaits part, and what a coarse step finds need
   explicit -0.0278: steps of 0.25 ms are too long for it. At 0.5 Hz nine strokes are 0.0962, 0.0960, 0.0945, 0.0969 in
   turn by implicit steps and 0.0955 to 0.0971 by explicit ones but for one of 0.0708: medians 0.1 % apart, means 3 %.
 
-  Many strokes (level long, 85 minutes): at 1 Hz 15 of 16 starts (72 to 99 %) make 0.1157 with a spread of 0.0125 between
-  strokes that repeat in a group of eleven; 32 elements 0.1147, 0.87 +- 0.12 % less, also by 15 of 16. At 0.5 Hz one
+  Many strokes (level long, 85 minutes): at 1 Hz 15 of 16 starts (72 to 99 %) make 0.1157 with a spread of 0.0125
+  between strokes that repeat in a group of eleven; 32 elements 0.1147, 0.87 +- 0.12 % less, also by 15 of 16. At 0.5 Hz one
   start, 0.16 %. Gone on with for 60 strokes by explicit steps these gaits do not last: single strokes fail (0.07, 0 and
   backward to -0.15 in place of 0.1), and means become 0.064 and 0.068 at 1 Hz and 0.056 at 0.5 Hz. Implicit steps show
   the same once they are short: of 40 strokes at 1 Hz adaptive steps make four that fail (mean 0.095), steps of 0.1 ms
@@ -394,7 +394,8 @@ Static above kinetic (0.42 / 0.3): gaits part, and what a coarse step finds need
 
 NOT_LOOKED_AT = """
 Other damping (the gaits at 4 Hz depend on it), other tissues and frictions, the submerged bot; how often strokes fail
-as steps go to zero, and whether they do at 2 and 4 Hz in longer walks; whether shares settle with the mesh; more than one explicit walk from each gait.
+as steps go to zero, and whether they do at 2 and 4 Hz in longer walks; whether shares settle with the mesh; more than
+one explicit walk from each gait.
 """
 
 

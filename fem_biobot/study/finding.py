@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fem_biobot.config import digest, to_toml
+from fem_biobot.config import digest
 from fem_biobot.design import Design
-from fem_biobot.files import write_text
-from fem_biobot.study.folder import ResultFolder
+from fem_biobot.study.folder import ResultFolder, write_design
 from fem_biobot.study.outputs import figures_folder, tables_folder, write_table
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
@@ -107,7 +106,7 @@ def examine(
         return done
     began = time.perf_counter()
     folder.open()
-    write_text(out / "design.toml", to_toml(design))
+    write_design(out, design)
     finding = work(design, figures_folder(out))
     write_series(out, finding)
     summary = {

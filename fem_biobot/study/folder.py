@@ -16,8 +16,10 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from fem_biobot.config import named_files, to_toml
+from fem_biobot.design import Design
 from fem_biobot.errors import FileError
-from fem_biobot.files import file_error, replacing, write_json
+from fem_biobot.files import file_error, replacing, write_bytes, write_json, write_text
 from fem_biobot.solid.records import Step
 from fem_biobot.study.plan import Found
 
@@ -27,8 +29,24 @@ _JOB = "job.json"
 # what a result consists of; cleared before another one takes its place
 _OURS = (
     "solid_*.vtu", "solid.pvd", "rod*.pvd", "rod*/*.vtp", "design.toml", "report.html", "tables/*.csv", "figures/*.png",
-    "figures/*.gif",
+    "figures/*.gif", "fibres.vtu",
 )  # fmt: skip
+
+
+def write_design(folder: Path, design: Design) -> None:
+    """`design.toml` of a result, resolved, with copies of the files that the design names beside it.
+
+    So the folder reruns to the same result wherever it is taken. Copies are named after their keys.
+    """
+    copies: dict[str, str] = {}
+    for key, path in named_files(design).items():
+        copies[key] = f"{key.replace('.', '_')}{path.suffix}"
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise file_error(error, path, doing="read") from None
+        write_bytes(folder / copies[key], content)
+    write_text(folder / "design.toml", to_toml(design.with_values(copies) if copies else design))
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from fem_biobot.config import digest, to_toml
+from fem_biobot.config import digest
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.design_tissue import told
 from fem_biobot.errors import BiobotError, FileError, ModelError, SolveError
-from fem_biobot.files import file_error, write_json, write_text
+from fem_biobot.files import file_error, write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
@@ -28,7 +28,7 @@ from fem_biobot.solid.linear import pardiso_missing
 from fem_biobot.solid.measures import Measurer, muscle_work
 from fem_biobot.solid.touching import touching_parts
 from fem_biobot.study import compare, outputs, walk_files
-from fem_biobot.study.folder import SUMMARY, ResultFolder
+from fem_biobot.study.folder import SUMMARY, ResultFolder, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings
 from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
@@ -150,7 +150,7 @@ class _Job:
         for note in solver.model.system.notes:
             self._note(note)
         self.folder.open()
-        write_text(self.folder.path / "design.toml", to_toml(self.design))
+        write_design(self.folder.path, self.design)
         try:
             self._timed("solve", lambda: self._solve(solver))
         except (BiobotError, KeyboardInterrupt) as failure:

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from fem_biobot.config import digest, to_toml
+from fem_biobot.config import digest
 from fem_biobot.design import Design
 from fem_biobot.design_tissue import told
 from fem_biobot.errors import BiobotError, DesignError, FileError, SolveError
-from fem_biobot.files import write_json, write_text
+from fem_biobot.files import write_json
 from fem_biobot.muscle.drive import paper_amplitude
 from fem_biobot.muscle.waveforms import drive_function
 from fem_biobot.rod.compiling import compile_kernels
@@ -30,7 +30,7 @@ from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import Stance, stance
 from fem_biobot.rod.walk import walk
 from fem_biobot.study import walk_files
-from fem_biobot.study.folder import SUMMARY, ResultFolder
+from fem_biobot.study.folder import SUMMARY, ResultFolder, write_design
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
 
@@ -148,7 +148,7 @@ def walk_design(
     folder.open()
     if line := told(design.muscle):
         note(line)
-    write_text(folder.path / "design.toml", to_toml(design))
+    write_design(folder.path, design)
     try:
         for found in walks_of(design, plan, folder, reporter, note):
             walks.append(found)

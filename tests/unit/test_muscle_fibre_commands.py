@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fem_biobot.config import load_design
+from fem_biobot.config import digest, load_design
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import committed_mesh
 from fem_biobot.muscle.fibre_numbers import between, fibre_numbers, neighbour_angles
@@ -71,7 +71,8 @@ def test_fibres_writes_pictures_the_field_and_its_numbers(capsys: pytest.Capture
 def test_orientation_prints_what_the_table_says(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Two images, each with its mean, width and theta; the same as a design takes by name.
 
-    Catches: one image left out, the axis of the design forgotten, another theta than the design's.
+    Catches: one image left out, the axis of the design forgotten, another theta than the design's, a result that needs
+    files from elsewhere.
     """
     file = table(tmp_path / "h.csv", ("a.tif", 80.0, 15.0), ("b.tif", 60.0, 20.0))
     axis = "muscle.orientation_axis=70 deg"
@@ -92,6 +93,11 @@ def test_orientation_prints_what_the_table_says(capsys: pytest.CaptureFixture[st
     rows = list(csv.DictReader((out / "tables" / "orientation.csv").open(encoding="utf-8")))
     assert float(rows[1]["chi_1"]) == pytest.approx(images[1]["chi_1"])
     assert {"figures/orientation.png", "tables/histograms.csv"} <= set(listing(out))
+    # the folder reruns by itself: the table lies in it, and the original may go
+    before = digest(design)
+    file.rename(tmp_path / "moved.csv")
+    assert digest(load_design(out / "design.toml")) == before
+    (tmp_path / "moved.csv").rename(file)
     text = call(capsys, "muscle", "orientation", "junction_bot", file, *sets, "--out", out)
     assert "a.tif" in text.out
     assert "muscle.orientation_image choose one of them" in text.out

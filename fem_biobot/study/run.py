@@ -34,7 +34,7 @@ from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
-from fem_biobot.study.walking import WalkPlan, walks_of
+from fem_biobot.study.walking import WalkPlan, check_drive, walks_of
 
 # the second mesh of the error estimate is asked for with this many times the size
 _COARSER = 1.6
@@ -126,6 +126,7 @@ class _Job:
         if complete and walks and design.kind == "bot":
             self.plan = WalkPlan(WALKED_FREQUENCIES, design.drive.duration, None, _LEAST_STROKES)
             identity["walk"] = self.plan.text
+            check_drive(design, self.plan)
         self.folder = ResultFolder(out, identity)
         self.walks: list[Walk] = []
         self.notes: list[str] = []

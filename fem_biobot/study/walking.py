@@ -181,14 +181,19 @@ def _since(began: float) -> float:
     return time.perf_counter() - began
 
 
+def check_drive(design: Design, plan: WalkPlan) -> None:
+    """Refuse a drive whose pulses do not fit a stroke of the plan, or which the time step jumps over."""
+    for frequency in plan.frequencies:
+        drive_function(design.drive, frequency).check_step(design.numerics.step)
+
+
 def _refuse(design: Design, plan: WalkPlan) -> None:
     """What cannot walk, before anything is written."""
     if design.kind not in ("bot", "walker"):
         raise DesignError(
             f"kind: found {design.kind}, expected bot or walker: only a machine with feet and muscle walks"
         )
-    for frequency in plan.frequencies:
-        drive_function(design.drive, frequency).check_step(design.numerics.step)
+    check_drive(design, plan)
     period = 1.0 / max(plan.frequencies)
     if design.numerics.step > period:
         raise DesignError(

@@ -150,6 +150,9 @@ def test_steps_that_jump_over_pulses_are_refused(tmp_path: Path, capsys: pytest.
     said = call(capsys, "walk", "junction_bot", "--set", "drive.waveform=pulse", "--set", "drive.pulse_width=0.5 ms",
                 "--out", tmp_path / "w")  # fmt: skip
     assert (said.code, "numerics.step" in said.complaint, (tmp_path / "w").exists()) == (2, True, False)
+    said = call(capsys, "run", "junction_bot", "--set", "drive.waveform=pulse", "--set", "drive.pulse_width=300 ms",
+                "--out", tmp_path / "w")  # fmt: skip
+    assert (said.code, "period of 4 Hz" in said.complaint, (tmp_path / "w").exists()) == (2, True, False)
     wide = call(capsys, "walk", "junction_bot", "--set", "drive.waveform=pulse", "--set", "drive.pulse_width=100 ms",
                 "--frequency", "20Hz", "--out", tmp_path / "w")  # fmt: skip
     assert (wide.code, "period of 20 Hz" in wide.complaint) == (2, True)

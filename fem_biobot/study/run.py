@@ -36,10 +36,8 @@ from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
 from fem_biobot.study.walking import WalkPlan, check_drive, walks_of
 
-# the second mesh of the error estimate is asked for with this many times the size
-_COARSER = 1.6
-# a walk of fewer strokes says little
-_LEAST_STROKES = 8
+_COARSER = 1.6  # size of the second mesh of the error estimate over the first
+_LEAST_STROKES = 8  # a walk of fewer says little
 
 
 def run(

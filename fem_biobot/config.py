@@ -192,7 +192,7 @@ def content_of(path: Path) -> str:
     try:
         return "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
-        raise FileError(f"{one_line(str(path))}: cannot be read ({error.strerror}), which the design names") from None
+        raise FileError(f"{one_line(str(path))}: cannot be read ({error.strerror}), expected a file") from None
 
 
 def _design_path(name_or_path: str | Path, folder: Path) -> Path:

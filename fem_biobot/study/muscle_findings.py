@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from fem_biobot.design import Design
+from fem_biobot.errors import DesignError
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.muscle.oxygenation import oxygenation
 from fem_biobot.study.finding import Finding, write_series
 from fem_biobot.study.muscle_drive import drive_finding
 from fem_biobot.study.muscle_fibres import fibres_finding
@@ -34,6 +36,26 @@ class MuscleFindings:
     tables: list[Table] = field(default_factory=list)
     figures: list[tuple[Path, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+
+def oxygen_notes(design: Design, mesh: BodyMesh) -> list[str]:
+    """What a user must know of a design's oxygen before anything is solved: how much of the tissue dies.
+
+    Raises
+    ------
+    DesignError
+        Gamma 0: a muscle that pulls with nothing.
+    """
+    oxygen = None if design.muscle is None else design.muscle.oxygen
+    if oxygen is None:
+        return []
+    found = oxygenation(design, mesh)
+    if found.gamma == 0.0 and oxygen.tension != "none":
+        raise DesignError(
+            f"muscle.oxygen: found gamma 0 (consumption {oxygen.consumption:g} mM/s, supply {oxygen.supply:g} mM): no "
+            "tissue between the pillars gets oxygen, so the machine has no muscle; expected less consumption"
+        )
+    return found.notes()
 
 
 def muscle_findings(design: Design, mesh: BodyMesh, folder: Path) -> MuscleFindings:

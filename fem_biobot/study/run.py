@@ -29,7 +29,7 @@ from fem_biobot.solid.measures import Measurer, muscle_work
 from fem_biobot.solid.touching import touching_parts
 from fem_biobot.study import compare, outputs, walk_files
 from fem_biobot.study.folder import SUMMARY, ResultFolder, write_design
-from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings
+from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
 from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
 from fem_biobot.study.reporter import Reporter, Silent
@@ -146,7 +146,7 @@ class _Job:
             self._note(f"SuperLU factors instead of PARDISO ({missing}); slower on large meshes")
         self._timed("compile", lambda: compile_kernels(self.reporter, self.design.mesh.element))
         solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter))
-        for note in solver.model.system.notes:
+        for note in [*solver.model.system.notes, *oxygen_notes(self.design, mesh)]:
             self._note(note)
         self.folder.open()
         write_design(self.folder.path, self.design)

@@ -21,6 +21,7 @@ from fem_biobot.muscle.oxygen_depth import slab_gamma
 from fem_biobot.muscle.oxygenation import divided, oxygenation, section_gamma, viable_gamma, viable_share
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.from_design import model_from_design, tension_unit
+from fem_biobot.study.muscle_findings import oxygen_notes
 from fem_biobot.study.muscle_oxygen import thickness_rule
 from tests.command import ROOT, call
 
@@ -153,10 +154,14 @@ def test_dead_tissue_is_said_in_one_line() -> None:
     def notes(*settings: str) -> list[str]:
         return oxygenation(load_design("ring_bot", ["muscle.gamma = 1", *settings]), mesh).notes()
 
-    dead = notes(
-        "muscle.oxygen.supply = 2.1e-3 mM", "muscle.oxygen.consumption = 1 mM/s", "muscle.oxygen.film = 1e-4 mm/s"
-    )
+    starved = ("muscle.oxygen.supply = 2.1e-3 mM", "muscle.oxygen.film = 1e-4 mm/s")
+    dead = notes(*starved, "muscle.oxygen.consumption = 1 mM/s")
     assert "gamma is 0" in dead[0]
+    assert oxygen_notes(hungry(), body("junction_bot")) == oxygenation(hungry(), body("junction_bot")).notes() != []
+    assert oxygen_notes(load_design("junction_bot"), body("junction_bot")) == []
+    no_muscle = load_design("ring_bot", ["muscle.gamma = 1", *starved, "muscle.oxygen.consumption = 1 mM/s"])
+    with pytest.raises(DesignError, match=r"muscle\.oxygen: found gamma 0"):
+        oxygen_notes(no_muscle, mesh)
     assert "% of the tissue gets less than 0.002 mM" in notes(*HUNGRY)[0]
     assert notes("muscle.oxygen.consumption = 1e-4 mM/s") == []
     assert any("too coarse" in line for line in notes("muscle.oxygen.consumption = 0.3 mM/s"))

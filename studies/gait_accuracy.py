@@ -376,12 +376,13 @@ Static above kinetic (0.42 / 0.3): gaits part, and what a coarse step finds need
   turn by implicit steps and 0.0955 to 0.0971 by explicit ones but for one of 0.0708: medians 0.1 % apart, means 3 %.
 
   Many strokes (level long, 85 minutes): at 1 Hz 15 of 16 starts (72 to 99 %) make 0.1157 with a spread of 0.0125
-  between strokes that repeat in a group of eleven; 32 elements 0.1147, 0.87 +- 0.12 % less, by 15 of 16. At 0.5 Hz one
-  start, 0.16 %. Gone on with for 60 strokes by explicit steps these gaits do not last: single strokes fail (0.07, 0 and
-  backward to -0.15 in place of 0.1), and means become 0.064 and 0.068 at 1 Hz and 0.056 at 0.5 Hz. Implicit steps show
-  the same once they are short: of 40 strokes at 1 Hz adaptive steps make four that fail (mean 0.095), steps of 0.1 ms
-  five (0.100), those of 0.25 ms none (0.1158). Which strokes fail differs; the strokes between are alike to 1 %. So the
-  gait is intermittent, and steps of 0.25 ms are too long to see it: means over a few strokes hide it.
+  between strokes that repeat in a group of eleven; 32 elements 0.1147, 0.87 +- 0.12 % less, by 15 of 16. At 0.5 Hz
+  one start, 0.16 %. Gone on with for 60 strokes by explicit steps these gaits do not last: single strokes fail (0.07,
+  0 and backward to -0.15 in place of 0.1), and means become 0.064 and 0.068 at 1 Hz and 0.056 at 0.5 Hz. Implicit
+  steps show the same once they are short: of 40 strokes at 1 Hz adaptive steps make four that fail (mean 0.095),
+  steps of 0.1 ms five (0.100), those of 0.25 ms none (0.1158). Which strokes fail differs; the strokes between are
+  alike to 1 %. So the gait is intermittent, and steps of 0.25 ms are too long to see it: means over a few strokes
+  hide it.
 
   Reached there: 32 elements below 0.5 % at 0.5, 2 and 4 Hz within the gait, at 1 Hz not (0.87 %). The step below or at
   1 % at all four (0.1, 1.0, 0.7, 0.8 %) over a few strokes. Explicit below 2 % at 2 and 4 Hz forward, and backward with

@@ -50,7 +50,8 @@ class Blemker(Isochoric):
     Notes
     -----
     Blemker, Pinsky and Delp, J. Biomech. 38 (2005), 657; invariants of Criscione et al. (2001). The constants are those
-    that ArtiSynth's muscle materials quote from the paper. Its own moduli (g1 = g2 = 0.5 kPa) are not defaults here.
+    that ArtiSynth's muscle materials quote from the paper (1.4, 1, 3e5 Pa, 0.05,
+    6.6; read there, not in the paper). Its own moduli (g1 = g2 = 0.5 kPa) are not defaults here.
     The active tension of the paper is `ActiveStress` with the curve ``blemker_2005``.
 
     Limit: the energy of the shear along the fibre is not elliptic where fibres are shortened and sheared at once (by a

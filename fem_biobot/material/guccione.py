@@ -37,7 +37,8 @@ class Guccione(Isochoric):
     Notes
     -----
     Guccione, McCulloch and Waldman (1991); Costa, Holmes and McCulloch (2001), whose orthotropic form this is for
-    ``b_ss = b_nn = b_ns``. Written in ``J^(-1/3) F``, as usual for nearly incompressible tissue. The exponent is
+    ``b_ss = b_nn = b_ns``. Written in ``J^(-1/3) F``, as usual for nearly incompressible tissue. The constants were
+    not checked against the benchmark's own page. The exponent is
     refused beyond 460 with `OutsideLawError`.
     """
 

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fem_biobot import jobs
+from fem_biobot import comparing_jobs, jobs
 from fem_biobot.errors import BiobotError
 from fem_biobot.files import file_error
 from fem_biobot.muscle_commands import muscle
@@ -194,10 +194,14 @@ def _comparing(job: Callable[[jobs.Order], int], text: str) -> Callable[..., Job
 
 
 app.command("crosscheck")(
-    _comparing(jobs.crosscheck, "Solve as a solid and as rods at the same tensions: how far they agree, and why not.")
+    _comparing(
+        comparing_jobs.crosscheck, "Solve as a solid and as rods at the same tensions: how far they agree, and why not."
+    )
 )
 app.command("validate")(
-    _comparing(jobs.validate, "Predict the paper's printed numbers: one verdict each, or why there is no prediction.")
+    _comparing(
+        comparing_jobs.validate, "Predict the paper's printed numbers: one verdict each, or why there is no prediction."
+    )
 )
 
 

@@ -1,0 +1,92 @@
+"""The jobs behind `crosscheck` and `validate`: a design's models beside each other, and beside the paper.
+
+As in `jobs`, what is slow to import is imported by the job that needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fem_biobot.jobs import Order, mesh_size, region_names, result_folder, safe_name, show, worked
+
+if TYPE_CHECKING:
+    from fem_biobot.design import Design
+    from fem_biobot.mesh.body import BodyMesh
+    from fem_biobot.study.finding import Finding
+    from fem_biobot.study.reporter import Reporter
+
+
+def crosscheck(order: Order) -> int:
+    """Solid and rods of a design side by side."""
+    from fem_biobot.link.expected import expect
+
+    def refuse(design: Design) -> None:
+        expect(design)
+
+    def work(design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str]) -> Finding:
+        from fem_biobot.study.crosscheck import crosscheck_finding
+
+        return crosscheck_finding(design, mesh, figures, reporter, notes)
+
+    _on_a_mesh(order, "crosscheck", "cross-check", refuse, work)
+    return 0
+
+
+def validate(order: Order) -> int:
+    """The paper's printed numbers beside ours; 1 if one that is predicted lies outside."""
+    from fem_biobot.link.expected import causes
+
+    def refuse(design: Design) -> None:
+        causes(design)
+
+    def work(design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str]) -> Finding:
+        from fem_biobot.rod.compiling import compile_kernels
+        from fem_biobot.study.validate import validation_finding
+
+        compile_kernels(reporter)
+        return validation_finding(design, mesh, figures, reporter, notes)
+
+    summary = _on_a_mesh(order, "validate", "validate", refuse, work)
+    return 1 if summary["validate"]["failed_1"] else 0
+
+
+def _on_a_mesh(
+    order: Order,
+    subject: str,
+    verb: str,
+    refuse: Callable[[Design], None],
+    work: Callable[[Design, BodyMesh, Path, Reporter, Sequence[str]], Finding],
+) -> dict[str, Any]:
+    """Do a job on a design's mesh that ends in a finding, in a folder of its own, and show it; its summary."""
+    from fem_biobot.config import load_design
+    from fem_biobot.design_checks import refuse_without_solid
+
+    design, size, names = load_design(order.design, order.sets), mesh_size(order.size), region_names(order.rename)
+    refuse_without_solid(design, verb)
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_{subject}")
+    refuse(design)  # other machines, before anything is meshed
+
+    from fem_biobot.mesh.files import mesh_for, read_mesh
+    from fem_biobot.solid.compiling import compile_kernels
+    from fem_biobot.study.finding import examine, tables_of
+
+    design = design if size is None else design.with_values({"mesh.size": size})
+    which = "generated" if order.mesh_file is None else str(order.mesh_file)
+
+    def job(reporter: Reporter) -> dict[str, Any]:
+        def found(design: Design, figures: Path) -> Finding:
+            notes: list[str] = []
+            if order.mesh_file is not None:
+                mesh = read_mesh(order.mesh_file, names or None, design=design)
+            else:
+                mesh, notes = mesh_for(design)
+            compile_kernels(reporter, design.mesh.element)
+            return work(design, mesh, figures, reporter, notes)
+
+        return examine(design, folder, subject, found, mesh=which, kind="", force=order.force, reporter=reporter)
+
+    summary = worked(order, folder, job)
+    show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    return summary

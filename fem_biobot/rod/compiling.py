@@ -29,7 +29,7 @@ _CALLED = {
     ),
     Integrator.explicit: ((explicit_kernels, "explicit_run"), (explicit_kernels, "joint_masses")),
 }
-_SECONDS = {Integrator.implicit: 20, Integrator.explicit: 4}
+_SECONDS = {Integrator.implicit: 60, Integrator.explicit: 10}
 
 
 class Listener(Protocol):

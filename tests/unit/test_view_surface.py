@@ -58,15 +58,17 @@ def test_normals_are_flat_on_a_box_and_round_on_a_tube() -> None:
 
 
 def test_cameras_show_x_to_the_right_and_z_up() -> None:
-    """Catches: a mirrored picture, the front view from behind."""
+    """Catches: a mirrored picture, the front view from behind, the plan from below."""
     for name in CAMERAS:
         axes = camera_axes(name)
         assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-14)
         assert np.linalg.det(axes) == pytest.approx(1.0)
         assert axes[0, 0] > 0.8
-        assert axes[1, 2] > 0.8
+        # from above, y is up in the picture
+        assert axes[1, 1 if name == "plan" else 2] > 0.8
     assert np.allclose(camera_axes("front"), [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
     assert camera_axes("iso")[2, 2] > 0.0 > camera_axes("iso_below")[2, 2]
+    assert camera_axes("plan")[2, 2] > 0.99
 
 
 @pytest.mark.parametrize("name", ["stress", "viridis", "plasma"])

@@ -115,6 +115,21 @@ def test_every_printed_number_has_a_verdict_or_a_reason(result: tuple[Path, dict
     assert {p.name for p in (out / "figures").glob("*.png")} == {"validation.png", "sensitivity.png"}
 
 
+def test_numbers_outside_are_told_and_end_with_1(
+    result: tuple[Path, dict[str, Any], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same command on the same folder: the tables again, and one line on standard error that says how many.
+
+    Catches: an exit code of 1 without a word.
+    """
+    out, summary, code = result
+    assert code == 1
+    assert main(["validate", "--size", "2.0", "--out", str(out)]) == 1
+    told = capsys.readouterr()
+    assert f", {summary['validate']['failed_1']} lie outside what was printed" in told.err
+    assert "outside: passive force, 15 days" in told.out
+
+
 def test_deflections_are_those_of_the_machine(result: tuple[Path, dict[str, Any], int]) -> None:
     """At the simulated forces both models lie within a third of the printed deflections, and near linear theory.
 

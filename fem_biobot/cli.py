@@ -29,27 +29,22 @@ from fem_biobot.options import (
     Debug,
     DesignName,
     Force,
+    Job,
     MeshFile,
     NoWalk,
+    OptionError,
     Out,
     Quiet,
     Rename,
     Resume,
     Sets,
     Size,
+    check_mesh,
 )
 from fem_biobot.study_commands import study
 
 PROGRAM = "fem-biobot"
 INTERNAL, INPUT, FAILED, INTERRUPTED = 1, 2, 3, 130
-
-Job = Callable[[], int]
-
-
-class OptionError(BiobotError):
-    """Options that do not go together."""
-
-    exit_code = INPUT
 
 
 app = typer.Typer(
@@ -104,7 +99,7 @@ def _mesh_command(
         raise OptionError("DESIGN: missing, expected a preset, a TOML file, or --mesh FILE.msh to check")
     if design is None and sets:
         raise OptionError("--set: found without DESIGN, expected the design that it changes")
-    _check_options(mesh, rename, size)
+    check_mesh(mesh, rename, size)
     order = jobs.Order(design or "", out, size, mesh, rename or (), sets or (), quiet, as_json, force)
     return partial(jobs.mesh, order)
 
@@ -127,7 +122,7 @@ def _solving(complete: bool, text: str) -> Callable[..., Job]:
         debug: Debug = False,
     ) -> Job:
         _check_one_way(force, resume)
-        _check_options(mesh, rename, size)
+        check_mesh(mesh, rename, size)
         order = jobs.Order(
             design, out, size, mesh, rename or (), sets or (), quiet, as_json, force, resume, complete and not no_walk
         )
@@ -185,7 +180,7 @@ def _comparing(job: Callable[[jobs.Order], int], text: str) -> Callable[..., Job
         force: Force = False,
         debug: Debug = False,
     ) -> Job:
-        _check_options(mesh, rename, size)
+        check_mesh(mesh, rename, size)
         order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
         return partial(job, order)
 
@@ -329,10 +324,3 @@ def _stopped_by_signals() -> Iterator[None]:
 def _check_one_way(force: bool, resume: bool) -> None:
     if force and resume:
         raise OptionError("--resume: found together with --force, expected one of them")
-
-
-def _check_options(mesh: Path | None, rename: Sequence[str] | None, size: str | None) -> None:
-    if rename and mesh is None:
-        raise OptionError("--rename: found without --mesh, expected the mesh file whose volumes it names")
-    if size is not None and mesh is not None:
-        raise OptionError("--size: found together with --mesh, expected one of them (a mesh file has its own size)")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from fem_biobot.errors import BiobotError
 
 DesignName = Annotated[str, typer.Argument(metavar="DESIGN", help="Name of a preset, or path of a TOML file.")]
 Out = Annotated[
@@ -31,3 +34,33 @@ Force = Annotated[bool, typer.Option("--force", help="Redo a result that is ther
 Resume = Annotated[bool, typer.Option("--resume", help="Insist on going on from an unfinished result.")]
 NoWalk = Annotated[bool, typer.Option("--no-walk", help="Leave out the walking.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+Job = Callable[[], int]
+
+
+class OptionError(BiobotError):
+    """Options that do not go together."""
+
+    exit_code = 2
+
+
+def check_mesh(mesh: Path | None, rename: Sequence[str] | None, size: str | None) -> None:
+    """Refuse a size or regions that have no mesh to go with."""
+    if rename and mesh is None:
+        raise OptionError("--rename: found without --mesh, expected the mesh file whose volumes it names")
+    if size is not None and mesh is not None:
+        raise OptionError("--size: found together with --mesh, expected one of them (a mesh file has its own size)")
+
+
+def group(name: str, text: str) -> typer.Typer:
+    """Commands below a word of their own; the word alone prints their help."""
+    found = typer.Typer(
+        name=name, add_completion=False, context_settings={"help_option_names": ["-h", "--help"]}, help=text
+    )
+
+    @found.callback(invoke_without_command=True)
+    def _alone(context: typer.Context) -> None:
+        if context.invoked_subcommand is None:
+            print(context.get_help())  # noqa: T201
+
+    return found

@@ -5,7 +5,6 @@ Each gives a job, which runs after the arguments are parsed, as in `cli`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Annotated
 
@@ -13,22 +12,9 @@ import typer
 
 from fem_biobot import study_jobs
 from fem_biobot.jobs import Order
-from fem_biobot.options import AsJson, Debug, DesignName, Force, Out, Quiet, Sets
+from fem_biobot.options import AsJson, Debug, DesignName, Force, Job, Out, Quiet, Sets, group
 
-Job = Callable[[], int]
-
-study = typer.Typer(
-    name="study",
-    add_completion=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Questions that take many solutions of a design.",
-)
-
-
-@study.callback(invoke_without_command=True)
-def _group(context: typer.Context) -> None:
-    if context.invoked_subcommand is None:
-        print(context.get_help())  # noqa: T201
+study = group("study", "Questions that take many solutions of a design.")
 
 
 @study.command("convergence")
@@ -49,5 +35,5 @@ def _convergence_command(
     debug: Debug = False,
 ) -> Job:
     """Mesh to stress: limit, error bar and order of every number, and which of them do not converge."""
-    order = Order(design, out, None, None, (), sets or (), quiet, as_json, force)
+    order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
     return partial(study_jobs.convergence, order, sizes, tuple(element or ("P2",)), error)

@@ -25,7 +25,6 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
@@ -42,6 +41,7 @@ from fem_biobot.study.compare import error_estimate
 from fem_biobot.study.outputs import write_table
 from fem_biobot.study.plan import Solver, Wanted
 from fem_biobot.study.reporter import Silent
+from fem_biobot.study.richardson import observed_order
 from fem_biobot.tables import Table
 
 Array = NDArray[np.float64]
@@ -219,14 +219,8 @@ def _extrapolated(h: Array, v: Array) -> float:
 
 
 def richardson_order(h: Array, v: Array) -> float | None:
-    """Order p for which ``v = limit + c h^p`` holds on three meshes; None where no order between 0.05 and 6 does."""
-
-    def mismatch(p: float) -> float:
-        return (v[0] - v[1]) * (h[1] ** p - h[2] ** p) - (v[1] - v[2]) * (h[0] ** p - h[1] ** p)
-
-    if mismatch(0.05) * mismatch(6.0) > 0.0:
-        return None
-    return float(brentq(mismatch, 0.05, 6.0))
+    """Order that holds on three meshes; None where none between 0.05 and 6 does."""
+    return observed_order(h, v, 0.05, 6.0)
 
 
 def fitted(h: Array, v: Array, orders: Iterable[float] = tuple(np.linspace(0.1, 3.0, 291))) -> tuple[float, float]:

@@ -26,7 +26,7 @@ from fem_biobot.link.observed import Array, Points, drawn_points, stations
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.section import RodMaterial, Section
-from fem_biobot.solid.from_design import model_from_design
+from fem_biobot.solid.from_design import law_of
 from fem_biobot.solid.model import SolidModel, SolidState, solve
 from fem_biobot.solid.records import Fix, Step, Traction
 
@@ -92,51 +92,51 @@ def sections_from_mesh(design: Design, mesh: BodyMesh) -> MeshSections:
         Never in practice: loads are small.
     """
     body = skeleton_of(mesh)
-    law = model_from_design(design, mesh).materials["skeleton"]
     s = design.value("skeleton")
+    law = law_of(s.material)
     known = closed_forms(design)
     H, L, e = design.pillars[-1][1], design.span, s.pillar_length / 2
     force = _SMALL * known.EI / (H * L)
     corners = body.points[:, body.surfaces["foot_long"]]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0), axis=0)
-    turns, fall, longer = [], 0.0, 0.0
-
-    def loaded(load: Traction) -> tuple[SolidModel, SolidState]:
-        model = SolidModel(body, {"skeleton": law}, {}, [Fix("foot_short")], [load], element=design.mesh.element)
-        return model, solve(model, [Step(load=1.0, tension=0.0)]).last
-
     couple, slope = force * H, force * H / _second_moment(corners[0] - design.pillars[-1][0], area)
 
     def linear(X: Array) -> Array:
         """Along z, in proportion to the distance from the sole's middle."""
         return np.array([0.0 * X[0], 0.0 * X[0], slope * (X[0] - design.pillars[-1][0])])
 
-    points = _points(design, *loaded(Traction("foot_long", linear)))
+    pull = force / float(area.sum())
+    loads = [
+        Traction("foot_long", linear, name="couple"),
+        Traction("foot_long", (pull, 0.0, 0.0), name="x"),
+        Traction("foot_long", (0.0, pull, 0.0), name="y"),
+        Traction("foot_long", (0.0, 0.0, pull), name="z"),
+    ]
+    # one model, so that what it is solved with is analysed once; each state has one of the loads alone
+    model = SolidModel(body, {"skeleton": law}, {}, [Fix("foot_short")], loads, element=design.mesh.element)
+    found = solve(model, [Step(load=0.0, tension=0.0, loads={load.name: 1.0}) for load in loads])
+    bending, along_x, along_y, along_z = found.states
+    points = _points(design, bending)
     inward = points.pillar_turns
     # of the pillar on the left, the sections, and the pillar on the right, from x towards z
     turned = np.array([inward[0], *points.turns, -inward[1]])
     bent = (turned[1:] - turned[:-1]) / couple
-    for axis in range(3):
-        pull = np.zeros(3)
-        pull[axis] = force / area.sum()
-        model, state = loaded(Traction("foot_long", (float(pull[0]), float(pull[1]), float(pull[2]))))
-        turns.append(_turn_of_sole(model, state) / force)
-        if axis == 0:
-            longer = float(np.diff(_points(design, model, state).axis[[0, -1], 0])[0] - L) / force
-        elif axis == 2:
-            fall = float((state.at((L / 2, 0.0, design.beam_axis_height)))[2]) / force
+    longer = float(np.diff(_points(design, along_x).axis[[0, -1], 0])[0] - L) / force
+    about_y = _turn_of_sole(along_z)[1] / force
+    twist, _, aside = _turn_of_sole(along_y) / force
+    fall = float(along_z.at((L / 2, 0.0, design.beam_axis_height))[2]) / force
     stretches = np.concatenate([[bent[0] + bent[1]], bent[2:-2], [bent[-2] + bent[-1]]])
     size = np.diff(stations(design))
     along = size / np.abs(stretches)
     EI = L / abs(float(bent.sum()))
-    lateral = (e * L + L**2 / 2.0) / abs(turns[1][2])
+    lateral = (e * L + L**2 / 2.0) / abs(aside)
     # the end's fall by bending alone, of the stiffness that its own turn shows under this load
-    own = (e * L + L**2 / 2.0) / abs(turns[2][1])
+    own = (e * L + L**2 / 2.0) / abs(about_y)
     sheared = abs(fall) - (e * L**2 / 2.0 + L**3 / 3.0) / own
     # a mesh so coarse that the difference of the two is none tells no shear stiffness: the closed form stays
     GA = L / sheared if sheared > 0.0 else known.GA
-    found = Stiffnesses(EI, lateral, H * L / abs(turns[1][0]), L / abs(longer), GA, tuple(float(v) for v in along))
-    return MeshSections(found, known)
+    stiffnesses = Stiffnesses(EI, lateral, H * L / abs(twist), L / abs(longer), GA, tuple(float(v) for v in along))
+    return MeshSections(stiffnesses, known)
 
 
 def _second_moment(x: Array, area: Array) -> float:
@@ -145,7 +145,7 @@ def _second_moment(x: Array, area: Array) -> float:
     return float(area @ products) / 6.0
 
 
-def _points(design: Design, model: SolidModel, state: SolidState) -> Points:
+def _points(design: Design, state: SolidState) -> Points:
     """The points by which models are compared, in a state of the skeleton."""
     drawn = drawn_points(design)
     moved = [
@@ -155,10 +155,11 @@ def _points(design: Design, model: SolidModel, state: SolidState) -> Points:
     return Points(*moved)
 
 
-def _turn_of_sole(model: SolidModel, state: SolidState) -> Array:
+def _turn_of_sole(state: SolidState) -> Array:
     """Small turn (3,) [rad] of the long pillar's sole: of the motion of its vertices that fits best."""
-    nodes = np.unique(model.mesh.surfaces["foot_long"])
-    X, u = model.mesh.points[:, nodes], state.u[:, nodes]
+    mesh = state.model.mesh
+    nodes = np.unique(mesh.surfaces["foot_long"])
+    X, u = mesh.points[:, nodes], state.u[:, nodes]
     arm, moved = X - X.mean(axis=1, keepdims=True), u - u.mean(axis=1, keepdims=True)
     # least squares of moved = turn x arm
     moments = np.einsum("in,in->", arm, arm) * np.eye(3) - arm @ arm.T

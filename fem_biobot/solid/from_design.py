@@ -42,7 +42,7 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
             raise MeshError(
                 f"{region}: found no such region in the mesh ({', '.join(mesh.regions)}), expected one for this design"
             )
-        materials[region] = _law(part.material, _fibres(design, mesh) if region == "muscle" else None)
+        materials[region] = law_of(part.material, _fibres(design, mesh) if region == "muscle" else None)
     if design.muscle is not None:
         share = viable_share(design, mesh)
         active["muscle"] = tension_of(design, fibre_field(design, mesh), share)
@@ -58,7 +58,7 @@ def newton_settings(design: Design) -> NewtonSettings:
     return NewtonSettings(tolerance=design.numerics.tolerance, linear=design.numerics.linear)
 
 
-def _law(material: Material, a0: Array | None) -> Law:
+def law_of(material: Material, a0: Array | None = None) -> Law:
     """Passive law of a part with the parameters that its design gives; fibres over all elements, or none."""
     own = {name: getattr(material, name) for name in LAW_PARAMETERS[material.law]}
     given = {name: value for name, value in own.items() if value is not None}

@@ -98,11 +98,8 @@ def examine(
     reporter = reporter or Silent()
     job = {"kind": f"{kind} {subject}".strip(), "design_digest": digest(design), "mesh": mesh}
     folder = ResultFolder(out, job)
-    if force:
-        folder.clear()
-    done = None if force else folder.whole_result()
+    done = folder.done(reporter, force=force)
     if done is not None:
-        reporter.note(f"{out} holds this design's result already; --force redoes it")
         return done
     began = time.perf_counter()
     folder.open()

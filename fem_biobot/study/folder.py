@@ -22,6 +22,7 @@ from fem_biobot.errors import FileError
 from fem_biobot.files import file_error, replacing, write_bytes, write_json, write_text
 from fem_biobot.solid.records import Step
 from fem_biobot.study.plan import Found
+from fem_biobot.study.reporter import Reporter
 
 SUMMARY = "summary.json"
 _UNFINISHED = ".unfinished"
@@ -120,6 +121,36 @@ class ResultFolder:
         summary = self._read(self.path / SUMMARY)
         same = summary is not None and summary.get("complete") and summary.get("job") == self.job
         return summary if same else None
+
+    def done(self, reporter: Reporter, *, force: bool, resume: bool = False) -> dict[str, Any] | None:
+        """Summary of this job's whole result, told of, or None where there is work to do.
+
+        Parameters
+        ----------
+        reporter
+            Told that nothing is done again.
+        force
+            Forget what is there, also another design's result.
+        resume
+            Insist on going on from an unfinished result.
+
+        Raises
+        ------
+        FileError
+            As `whole_result`; nothing to resume.
+        """
+        if force:
+            self.clear()
+            summary = None
+        else:
+            summary = self.whole_result()
+        if summary is not None:
+            reporter.note(f"{self.path} holds this design's result already; --force redoes it")
+        elif resume and not self.unfinished.is_dir():
+            raise FileError(
+                f"{self.path}: found no unfinished result, expected one to resume; leave out --resume to begin"
+            )
+        return summary
 
     def clear(self) -> None:
         """Forget the result that is here; refuses a folder that is not ours."""

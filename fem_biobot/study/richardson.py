@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from fem_biobot.errors import ModelError
 
 Array = NDArray[np.float64]
-_LEAST_ORDER, _MOST_ORDER = 0.25, 6.0
+_TINY, _LEAST_ORDER, _MOST_ORDER = 1e-6, 0.25, 6.0
 # safety on the error: where differences follow an order between these, and where they do not
 _SAFE, _UNSURE = 1.25, 3.0
 _ORDERS = (0.5, 4.5)
@@ -105,11 +105,11 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
     if not wanted > 0.0:
         raise ModelError(f"convergence: found a wanted error of {wanted:g}, expected above 0")
     scale = max(abs(v[-1]), 1e-300)
-    first, last = v[-2] - v[-3], v[-1] - v[-2]
+    last = v[-1] - v[-2]
     if abs(last) <= 1e-12 * scale:
         return Limit(float(v[-1]), 0.0, math.nan, Verdict.converged, math.nan)
     apart = h[-3] / h[-1] >= _LEAST_RATIO
-    order = _order(h[-3:], first, last) if apart else None
+    order = _order(h[-3:], v[-3:]) if apart else None
     if order is not None and order < _LEAST_ORDER:
         return Limit(float(v[-1]), math.inf, order, Verdict.not_converging, math.nan)
     regular = order is not None and _ORDERS[0] <= order <= _ORDERS[1]
@@ -122,19 +122,25 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
     return Limit(value, float(error), shown, verdict, float(h[-1] * (wanted / error) ** (1.0 / p)))
 
 
-def _order(h: Array, first: float, last: float) -> float | None:
-    """Observed order of two changes; None where they alternate, zero or less where they grow."""
+def observed_order(h: Array, v: Array, low: float = _TINY, high: float = _MOST_ORDER) -> float | None:
+    """Order p for which ``v = limit + c h^p`` holds on three meshes; None where none between `low` and `high` does."""
+
+    def mismatch(p: float) -> float:
+        return (v[0] - v[1]) * (h[1] ** p - h[2] ** p) - (v[1] - v[2]) * (h[0] ** p - h[1] ** p)
+
+    if mismatch(low) * mismatch(high) > 0.0:
+        return None
+    root: float = brentq(mismatch, low, high)  # type: ignore[assignment]  # a number unless more is asked for
+    return root
+
+
+def _order(h: Array, v: Array) -> float | None:
+    """Observed order; None where changes alternate, zero where they do not shrink, the most where they vanish."""
+    first, last = v[1] - v[0], v[2] - v[1]
     if first * last <= 0.0:
         return None
-    ratio = first / last
-
-    def off(p: float) -> float:
-        return float((h[0] ** p - h[1] ** p) / (h[1] ** p - h[2] ** p) - ratio)
-
-    low, high = 1e-6, _MOST_ORDER
-    if off(low) >= 0.0:
-        return 0.0
-    if off(high) <= 0.0:
-        return _MOST_ORDER
-    root: float = brentq(off, low, high)  # type: ignore[assignment]  # a number unless more is asked for
-    return root
+    order = observed_order(h, v)
+    if order is not None:
+        return order
+    steady = np.log(h[0] / h[1]) / np.log(h[1] / h[2])  # ratio of the changes of a logarithm, the limit of order zero
+    return 0.0 if first / last <= steady else _MOST_ORDER

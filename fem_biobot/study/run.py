@@ -17,7 +17,7 @@ from fem_biobot.config import digest
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.design_tissue import told
-from fem_biobot.errors import BiobotError, FileError, ModelError, SolveError
+from fem_biobot.errors import BiobotError, ModelError, SolveError
 from fem_biobot.files import file_error, write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
@@ -88,14 +88,9 @@ def run(
     """
     refuse_without_solid(design, "solve")
     job = _Job(design, out, mesh_file, names, size, complete, walks, reporter or Silent())
-    if force:
-        job.folder.clear()
-    done = None if force else job.folder.whole_result()
+    done = job.folder.done(job.reporter, force=force, resume=resume)
     if done is not None:
-        job.reporter.note(f"{out} holds this design's result already; --force redoes it")
         return done
-    if resume and not job.folder.unfinished.is_dir():
-        raise FileError(f"{out}: found no unfinished result, expected one to resume; leave out --resume to begin")
     return job.do()
 
 

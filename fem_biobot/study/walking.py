@@ -112,14 +112,9 @@ def walk_design(
     reporter = reporter or Silent()
     _refuse(design, plan)
     folder = ResultFolder(out, {"kind": "walk", "design_digest": digest(design), "mesh": "none", "walk": plan.text})
-    if force:
-        folder.clear()
-    done = None if force else folder.whole_result()
+    done = folder.done(reporter, force=force, resume=resume)
     if done is not None:
-        reporter.note(f"{out} holds this design's result already; --force redoes it")
         return done
-    if resume and not folder.unfinished.is_dir():
-        raise FileError(f"{out}: found no unfinished result, expected one to resume; leave out --resume to begin")
     began = time.perf_counter()
     notes: list[str] = []
 

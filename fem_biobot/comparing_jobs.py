@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fem_biobot.jobs import Order, mesh_size, region_names, result_folder, safe_name, show, worked
+from fem_biobot.jobs import Order, given_mesh, mesh_size, result_folder, safe_name, show, worked
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -71,28 +71,26 @@ def _on_a_mesh(
     from fem_biobot.config import load_design
     from fem_biobot.design_checks import refuse_without_solid
 
-    design, size, names = load_design(order.design, order.sets), mesh_size(order.size), region_names(order.rename)
+    design, size = load_design(order.design, order.sets), mesh_size(order.size)
     refuse_without_solid(design, verb)
     folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_{subject}")
     refuse(design)  # other machines, before anything is meshed
 
-    from fem_biobot.mesh.files import mesh_for, read_mesh
+    from fem_biobot.mesh.files import mesh_for
     from fem_biobot.solid.compiling import compile_kernels
     from fem_biobot.study.finding import examine, tables_of
+    from fem_biobot.study.folder import mesh_identity
 
     design = design if size is None else design.with_values({"mesh.size": size})
-    which = "generated" if order.mesh_file is None else str(order.mesh_file)
+    given = given_mesh(order, design)
 
     def job(reporter: Reporter) -> dict[str, Any]:
         def found(design: Design, figures: Path) -> Finding:
-            notes: list[str] = []
-            if order.mesh_file is not None:
-                mesh = read_mesh(order.mesh_file, names or None, design=design)
-            else:
-                mesh, notes = mesh_for(design)
+            mesh, notes = mesh_for(design) if given is None else (given, [])
             compile_kernels(reporter, design.mesh.element)
             return work(design, mesh, figures, reporter, notes)
 
+        which = mesh_identity(order.mesh_file)
         return examine(design, folder, subject, found, mesh=which, kind="", force=order.force, reporter=reporter)
 
     summary = worked(order, folder, job)

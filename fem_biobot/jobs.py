@@ -23,6 +23,7 @@ from fem_biobot.files import file_error, write_text
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
+    from fem_biobot.mesh.body import BodyMesh
     from fem_biobot.study.reporter import Reporter
     from fem_biobot.study.walking import WalkPlan
     from fem_biobot.tables import Table
@@ -104,6 +105,14 @@ def walk(order: Order, walking: WalkOrder) -> int:
     summary = worked(order, folder, work)
     show(order, summary, folder, lambda: ([walk_table(summary["walks"])], []))
     return 0
+
+
+def given_mesh(order: Order, design: Design) -> BodyMesh | None:
+    """The mesh file of an order, read and checked before anything is written; None where the mesh is generated."""
+    from fem_biobot.mesh.files import read_mesh
+
+    names = region_names(order.rename)
+    return None if order.mesh_file is None else read_mesh(order.mesh_file, names or None, design=design)
 
 
 def worked(order: Order, folder: Path, work: Callable[[Reporter], dict[str, Any]]) -> dict[str, Any]:

@@ -10,10 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fem_biobot.jobs import Order, mesh_size, result_folder, safe_name, show, worked
+from fem_biobot.jobs import Order, given_mesh, mesh_size, result_folder, safe_name, show, worked
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
+    from fem_biobot.mesh.body import BodyMesh
     from fem_biobot.study.finding import Finding
     from fem_biobot.study.reporter import Reporter
 
@@ -38,39 +39,34 @@ def oxygen(order: Order) -> int:
     """Oxygen in the muscle of a design, on its mesh."""
     from fem_biobot.study.muscle_oxygen import oxygen_finding
 
-    size = mesh_size(order.size)
-
-    def work(design: Design, figures: Path) -> Finding:
-        from fem_biobot.mesh.files import mesh_for, read_mesh
-
-        if order.mesh_file is not None:
-            return oxygen_finding(design, read_mesh(order.mesh_file, None, design=design), figures)
-        mesh, notes = mesh_for(design, size)
-        found = oxygen_finding(design, mesh, figures)
-        return replace(found, notes=[*notes, *found.notes])
-
-    mesh = "generated" if order.mesh_file is None else str(order.mesh_file)
-    return examined(order, "oxygen", work, mesh=mesh if size is None else f"{mesh}, {size:g} mm")
+    return _on_its_mesh(order, "oxygen", oxygen_finding)
 
 
 def fibres(order: Order) -> int:
     """Fibre directions of a design's muscle, on its mesh."""
     from fem_biobot.study.muscle_fibres import fibres_finding
 
-    size = mesh_size(order.size)
+    def work(design: Design, mesh: BodyMesh, figures: Path) -> Finding:
+        return fibres_finding(design, mesh, figures, vtk=figures.parent / "fibres.vtu")
 
-    def work(design: Design, figures: Path) -> Finding:
-        from fem_biobot.mesh.files import mesh_for, read_mesh
+    return _on_its_mesh(order, "fibres", work)
 
-        vtk = figures.parent / "fibres.vtu"
-        if order.mesh_file is not None:
-            return fibres_finding(design, read_mesh(order.mesh_file, None, design=design), figures, vtk=vtk)
-        mesh, notes = mesh_for(design, size)
-        found = fibres_finding(design, mesh, figures, vtk=vtk)
+
+def _on_its_mesh(order: Order, subject: str, work: Callable[[Design, BodyMesh, Path], Finding]) -> int:
+    """As `examined`, of a design and its mesh; a given one is read before anything is written."""
+    from fem_biobot.config import load_design
+    from fem_biobot.mesh.files import mesh_for
+    from fem_biobot.study.folder import mesh_identity
+
+    size, given = mesh_size(order.size), given_mesh(order, load_design(order.design, order.sets))
+
+    def meshed(design: Design, figures: Path) -> Finding:
+        mesh, notes = mesh_for(design, size) if given is None else (given, [])
+        found = work(design, mesh, figures)
         return replace(found, notes=[*notes, *found.notes])
 
-    mesh = "generated" if order.mesh_file is None else str(order.mesh_file)
-    return examined(order, "fibres", work, mesh=mesh if size is None else f"{mesh}, {size:g} mm")
+    which = mesh_identity(order.mesh_file)
+    return examined(order, subject, meshed, mesh=which if size is None else f"{which}, {size:g} mm")
 
 
 def orientation(order: Order, file: Path) -> int:

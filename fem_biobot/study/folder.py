@@ -16,7 +16,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from fem_biobot.config import named_files, to_toml
+from fem_biobot.config import content_of, named_files, to_toml
 from fem_biobot.design import Design
 from fem_biobot.errors import FileError
 from fem_biobot.files import file_error, replacing, write_bytes, write_json, write_text
@@ -48,6 +48,11 @@ def write_design(folder: Path, design: Design) -> None:
             raise file_error(error, path, doing="read") from None
         write_bytes(folder / copies[key], content)
     write_text(folder / "design.toml", to_toml(design.with_values(copies) if copies else design))
+
+
+def mesh_identity(file: Path | None) -> str:
+    """What tells the mesh of a result from another: the name and the content of a given file."""
+    return "generated" if file is None else f"{file.name} {content_of(file)}"
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from collections.abc import Mapping
@@ -18,7 +17,7 @@ from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.design_tissue import told
 from fem_biobot.errors import BiobotError, ModelError, SolveError
-from fem_biobot.files import file_error, write_json
+from fem_biobot.files import write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
@@ -28,7 +27,7 @@ from fem_biobot.solid.linear import pardiso_missing
 from fem_biobot.solid.measures import Measurer, muscle_work
 from fem_biobot.solid.touching import touching_parts
 from fem_biobot.study import compare, outputs, walk_files
-from fem_biobot.study.folder import SUMMARY, ResultFolder, write_design
+from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
 from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
@@ -113,7 +112,7 @@ class _Job:
         identity = {
             "kind": "run" if complete else "solve",
             "design_digest": digest(self.design),
-            "mesh": "generated" if mesh_file is None else f"{mesh_file.name} {_sha(mesh_file)}",
+            "mesh": mesh_identity(mesh_file),
         }
         self.plan = None
         if complete and walks and design.kind == "bot":
@@ -386,10 +385,3 @@ class _Job:
             return action()
         finally:
             self.timings[name] = round(time.perf_counter() - start, 3)
-
-
-def _sha(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise file_error(error, path, doing="read") from None

@@ -133,3 +133,22 @@ def test_other_machines_are_refused_in_one_line(tmp_path: Path, capsys: pytest.C
     assert len(told) == 1
     assert "two pillars" in told[0]
     assert not (tmp_path / "no").exists()
+
+
+def test_a_mesh_without_muscle_is_refused_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A given mesh is read before the folder of the result is made, by every command that takes one.
+
+    Catches: a folder left behind by bad input.
+    """
+    assert main(["mesh", "cantilever", "--out", str(tmp_path), "--quiet"]) == 0
+    file = tmp_path / "cantilever.msh"
+    capsys.readouterr()
+    for command in (["crosscheck"], ["validate"], ["muscle", "oxygen"], ["muscle", "fibres"]):
+        out = tmp_path / command[-1]
+        assert main([*command, "junction_bot", "--mesh", str(file), "--out", str(out)]) == 2
+        told = capsys.readouterr().err.strip().splitlines()
+        assert len(told) == 1
+        assert "found no muscle" in told[0]
+        assert not out.exists()

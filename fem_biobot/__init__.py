@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from fem_biobot.config import load_design
     from fem_biobot.design import Design
     from fem_biobot.errors import BiobotError, DesignError, FileError, MeshError, ModelError, SolveError
+    from fem_biobot.friction.ground import Ground
     from fem_biobot.link.crosscheck import CrossCheck, crosscheck
     from fem_biobot.material.active import ActiveStress
     from fem_biobot.material.blemker import Blemker
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from fem_biobot.rod.dynamics.integrate import Motion, dynamics
     from fem_biobot.rod.ensemble import walk_ensemble
     from fem_biobot.rod.gait import Walk
-    from fem_biobot.rod.ground import ContactPoints, Ground
+    from fem_biobot.rod.ground import ContactPoints
     from fem_biobot.rod.guide import Guide
     from fem_biobot.rod.model import RodModel, RodState
     from fem_biobot.rod.modes import Modes, modes
@@ -70,6 +71,7 @@ _HOMES = {
     "config": ("load_design",),
     "design": ("Design",),
     "errors": ("BiobotError", "DesignError", "FileError", "MeshError", "ModelError", "SolveError"),
+    "friction.ground": ("Ground",),
     "link.crosscheck": ("CrossCheck", "crosscheck"),
     "material.active": ("ActiveStress",),
     "material.blemker": ("Blemker",),
@@ -95,7 +97,7 @@ _HOMES = {
     "rod.gait": ("Walk",),
     "rod.model": ("RodModel", "RodState"),
     "rod.modes": ("Modes", "modes"),
-    "rod.ground": ("ContactPoints", "Ground"),
+    "rod.ground": ("ContactPoints",),
     "rod.guide": ("Guide",),
     "rod.records": (
         "Body",

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fem_biobot.rod.contact import kernels as contact_kernels
+from fem_biobot.friction import kernels as contact_kernels
 from fem_biobot.rod.dynamics import kernels as implicit_kernels
 from fem_biobot.rod.dynamics.book import kernels as book_kernels
 from fem_biobot.rod.dynamics.integrate import Integrator, Settings, dynamics

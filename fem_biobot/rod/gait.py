@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.design import Design
+from fem_biobot.friction.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.anatomy import Anatomy, added_forces, anatomy, closing, muscle_forces, muscle_lengths, path, sagitta
-from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.events import Event
 from fem_biobot.rod.ground import Ground
@@ -212,7 +212,7 @@ class Walk:
 
     @cached_property
     def foot_state(self) -> NDArray[np.int64]:
-        """`LIFTED`, `STICK` or `SLIP` (of `rod.contact.kernels`) of each foot, (s, f).
+        """`LIFTED`, `STICK` or `SLIP` (of `friction.kernels`) of each foot, (s, f).
 
         A foot slips when a corner does, sticks when one touches and none slips, and is lifted when all are.
         """

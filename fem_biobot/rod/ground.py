@@ -1,6 +1,6 @@
-"""Where a ground touches an assembly, and the ground: contact points and a plane with Coulomb friction.
+"""Where a ground touches an assembly: contact points.
 
-Units: mm, s; friction coefficients are pure numbers.
+The ground itself is `friction.ground.Ground`. Units: mm.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from fem_biobot.errors import ModelError
-from fem_biobot.rod.records import Array, Place, Vector, _number, _set, vector
+from fem_biobot.friction.ground import Ground
+from fem_biobot.rod.records import Place, Vector, _number, _set, vector
+
+__all__ = ["ContactPoints", "Ground"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,72 +53,3 @@ class ContactPoints:
         if self.acts_at is not None:
             vector("contact points: acts_at", self.acts_at)
         _set(self, points=points)
-
-
-@dataclass(frozen=True)
-class Ground:
-    """A plane that stops contact points, with set-valued Coulomb friction.
-
-    Parameters
-    ----------
-    static_friction, kinetic_friction
-        Coefficient of a point that sticks and of one that slips [1]; kinetic at most static.
-    reverse_static_friction, reverse_kinetic_friction
-        For slip against `forward` [1]; by default the same.
-    height, normal
-        A point of the plane is ``height * normal`` [mm]; the unit normal points to the side of the machine.
-    forward
-        First direction in the plane, (3,).
-    velocity
-        Velocity of the surface, (3,) [mm/s]: a belt.
-    """
-
-    static_friction: float = 0.42
-    kinetic_friction: float | None = None
-    reverse_static_friction: float | None = None
-    reverse_kinetic_friction: float | None = None
-    height: float = 0.0
-    normal: Vector = (0.0, 0.0, 1.0)
-    forward: Vector = (1.0, 0.0, 0.0)
-    velocity: Vector = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        static = _number("ground: static_friction", self.static_friction, 0.0)
-        kinetic = static if self.kinetic_friction is None else self.kinetic_friction
-        back = static if self.reverse_static_friction is None else self.reverse_static_friction
-        slide = min(kinetic, back) if self.reverse_kinetic_friction is None else self.reverse_kinetic_friction
-        _set(self, kinetic_friction=kinetic, reverse_static_friction=back, reverse_kinetic_friction=slide)
-        for key in ("kinetic_friction", "reverse_static_friction", "reverse_kinetic_friction"):
-            _number(f"ground: {key}", getattr(self, key), 0.0)
-        if kinetic > static or slide > back:
-            raise ModelError(
-                f"ground: kinetic_friction: found {max(kinetic, slide):g} above the static {min(static, back):g}, "
-                "expected at most that"
-            )
-        if not np.isclose(np.linalg.norm(vector("ground: normal", self.normal)), 1.0, rtol=0.0, atol=1e-9):
-            raise ModelError(f"ground: found normal {self.normal}, expected a unit vector")
-        if np.linalg.norm(np.cross(self.normal, vector("ground: forward", self.forward))) < 1e-9:
-            raise ModelError(
-                f"ground: found forward {self.forward} along the normal, expected a direction in the plane"
-            )
-
-    @property
-    def axes(self) -> Array:
-        """Normal, forward direction in the plane, and the third, rows, (3, 3)."""
-        n = np.array(self.normal, dtype=float)
-        t = np.array(self.forward, dtype=float)
-        t -= n * (n @ t)
-        t /= np.linalg.norm(t)
-        return np.array([n, t, np.cross(n, t)])
-
-    @property
-    def static_coefficients(self) -> Array:
-        """Against slip along forward, against it, and to both sides, (4,) [1]."""
-        back = self.reverse_static_friction
-        return np.array([self.static_friction, back, self.static_friction, self.static_friction], dtype=float)
-
-    @property
-    def kinetic_coefficients(self) -> Array:
-        """As `static_coefficients`, of a point that slips, (4,) [1]."""
-        slide = self.kinetic_friction
-        return np.array([slide, self.reverse_kinetic_friction, slide, slide], dtype=float)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
+from fem_biobot.friction.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.records import Muscle

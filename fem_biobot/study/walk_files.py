@@ -11,7 +11,7 @@ import numpy as np
 
 from fem_biobot.design import Design
 from fem_biobot.files import file_error
-from fem_biobot.rod.contact.kernels import LIFTED, SLIP
+from fem_biobot.friction.kernels import LIFTED, SLIP
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.published.course import diagnostics
 from fem_biobot.study import compare, rod_outputs

@@ -19,7 +19,7 @@ from fem_biobot import (
     RodState,
     dynamics,
 )
-from fem_biobot.rod.contact.kernels import STICK
+from fem_biobot.friction.kernels import STICK
 from fem_biobot.rod.dynamics.integrate import Settings
 from fem_biobot.verification.blocks import unit
 from fem_biobot.verification.records import Case, Claim, Curve, Finding, Graph, worst

@@ -1,6 +1,6 @@
 """Slow independent twins of the contact kernels, and Coulomb's law as inequalities.
 
-Conventions are those of `rod.contact.kernels`: rows normal, tangent 1, tangent 2; `mu` resists slip along +t1, -t1,
+Conventions are those of `friction.kernels`: rows normal, tangent 1, tangent 2; `mu` resists slip along +t1, -t1,
 +t2, -t2. Nothing here is Newton, and no derivative is used.
 """
 

@@ -36,6 +36,8 @@ FORBIDDEN = {
     "solid": ("link", "rod", "view", "study", "verification", "cli"),
     "rod": ("link", "solid", "view", "study", "verification", "cli"),
     "material": ("link", "solid", "rod", "mesh", "study", "view", "verification", "cli"),
+    # what solid and rod both stand on knows neither
+    "friction": ("link", "mesh", "solid", "rod", "material", "muscle", "study", "view", "verification", "cli"),
     "mesh": ("link", "solid", "rod", "study", "view", "verification", "cli"),
     "muscle": ("link", "solid", "rod", "study", "view", "verification", "cli"),
     "view": ("link", "solid", "rod", "study", "verification", "cli"),

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fem_biobot.rod.contact.friction_set.kernels import admissible, farthest, project
-from fem_biobot.rod.contact.kernels import solve_cones
-from fem_biobot.rod.contact.one_point.kernels import solve_point
-from fem_biobot.rod.contact.scratch import ContactScratch, scratch
+from fem_biobot.friction.friction_set.kernels import admissible, farthest, project
+from fem_biobot.friction.kernels import solve_cones
+from fem_biobot.friction.one_point.kernels import solve_point
+from fem_biobot.friction.scratch import ContactScratch, scratch
 from tests.helpers import generator, taylor_slope, unchanged
 from tests.oracles.contact import broken_law, nearest_admissible, projected_sweeps, rigid_foot
 from tests.oracles.contact import farthest as support

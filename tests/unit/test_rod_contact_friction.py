@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK, settle, solve_friction
-from fem_biobot.rod.contact.scratch import scratch
+from fem_biobot.friction.kernels import LIFTED, SLIP, STICK, settle, solve_friction
+from fem_biobot.friction.scratch import scratch
 from tests.helpers import unchanged
 from tests.oracles.contact import rigid_foot
 

@@ -14,9 +14,9 @@ import pytest
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.friction.kernels import SLIP, STICK
 from fem_biobot.rod import rest
 from fem_biobot.rod import walk as walk_module
-from fem_biobot.rod.contact.kernels import SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Motion
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import ContactPoints, Ground

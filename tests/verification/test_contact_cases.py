@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem_biobot.rod.contact.kernels import SLIP, STICK
+from fem_biobot.friction.kernels import SLIP, STICK
 from fem_biobot.rod.dynamics.integrate import Integrator, Motion, Settings, dynamics
 from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fem_biobot.rod.contact.kernels import SLIP, STICK, settle, solve_friction
-from fem_biobot.rod.contact.scratch import scratch
+from fem_biobot.friction.kernels import SLIP, STICK, settle, solve_friction
+from fem_biobot.friction.scratch import scratch
 
 Array = NDArray[np.float64]
 

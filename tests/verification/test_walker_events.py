@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK
+from fem_biobot.friction.kernels import LIFTED, SLIP, STICK
 from fem_biobot.verification.walker import (
     HALVED,
     MACHINES,

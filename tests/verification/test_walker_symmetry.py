@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fem_biobot.rod.contact.kernels import STICK
+from fem_biobot.friction.kernels import STICK
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState

@@ -26,7 +26,7 @@ class State(NamedTuple):
         Of each contact in the last step: normal and two tangential, (c, 3) [mN s]. The ground's contact points come
         first, then the nodes that touch other parts.
     touch
-        Of the points: lifted, sticking or slipping as in `rod.contact.kernels`, (c,).
+        Of the points: lifted, sticking or slipping as in `friction.kernels`, (c,).
     slide
         Tangential velocity of the points that slip, (c, 2) [mm/s].
     joint
@@ -81,7 +81,7 @@ class Near(NamedTuple):
     """The contact problem: those contacts that are near enough to matter, in front of arrays for all of them.
 
     `order` (c,) are their numbers, `number` (1,) how many; `W` (9 c^2,) velocity by impulse; the others as in
-    `rod.contact.kernels.solve_friction`.
+    `friction.kernels.solve_friction`.
     """
 
     order: Ints

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.friction.kernels import solve_friction
+from fem_biobot.friction.scratch import scratch
 from fem_biobot.rod.address.kernels import by_address, entry
 from fem_biobot.rod.assembly import kernels as assembly_kernels
-from fem_biobot.rod.contact.kernels import solve_friction
-from fem_biobot.rod.contact.scratch import scratch
 from fem_biobot.rod.dynamics import kernels
 from fem_biobot.rod.dynamics.arrays import BOOK, copied, work_for
 from fem_biobot.rod.dynamics.book.kernels import accept

@@ -66,7 +66,7 @@ class Motion:
         Mean force of the ground on each contact point since the last sample, normal and two tangential, (s, c, 3) [mN].
         How the corners of one rigid foot share its force is not determined by mechanics; their sum is.
     touch
-        Of each point at the sample: `LIFTED`, `STICK` or `SLIP` of `rod.contact.kernels`, (s, c).
+        Of each point at the sample: `LIFTED`, `STICK` or `SLIP` of `friction.kernels`, (s, c).
     slip_share, contact_share
         Share of the time since the sample before in which a point slipped, or bore a force, (s, c) [1].
     touch_force

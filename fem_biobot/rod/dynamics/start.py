@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
+from fem_biobot.friction.kernels import STICK
 from fem_biobot.rod.arrays import Assembly
 from fem_biobot.rod.assembly import kernels as assembly_kernels
-from fem_biobot.rod.contact.kernels import STICK
 from fem_biobot.rod.dynamics.arrays import Plane, State
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState

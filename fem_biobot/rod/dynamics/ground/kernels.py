@@ -1,6 +1,6 @@
 """Compiled contact problem of a time step: velocities of the contacts by their impulses, and what those do.
 
-Both integrators use it. Letters are those of `rod.contact.kernels`; ``rows`` (c, 3, e, 6) turn the velocities of a
+Both integrators use it. Letters are those of `friction.kernels`; ``rows`` (c, 3, e, 6) turn the velocities of a
 contact's nodes, ``ends`` (c, e), into that of the contact along the normal and two tangents. A contact point on the
 ground has one node; a node that touches another part has three, itself and the two of the nearest segment.
 """
@@ -13,7 +13,7 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.rod.contact.kernels import LIFTED, SLIP, STICK, settle  # noqa: E402
+from fem_biobot.friction.kernels import LIFTED, SLIP, STICK, settle  # noqa: E402
 from fem_biobot.rod.dynamics.inertia.kernels import clear  # noqa: E402
 
 CONTACT_TOLERANCE = 1e-12

@@ -16,7 +16,7 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.rod.contact.kernels import SLIP  # noqa: E402
+from fem_biobot.friction.kernels import SLIP  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import settle_contacts  # noqa: E402
 from fem_biobot.rod.dynamics.inertia.kernels import copy, copy_frames, copy_row  # noqa: E402
 from fem_biobot.rod.dynamics.kernels import CONVERGED  # noqa: E402

@@ -17,7 +17,7 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.rod.contact.friction_set.kernels import admissible, farthest, project  # noqa: E402
+from fem_biobot.friction.friction_set.kernels import admissible, farthest, project  # noqa: E402
 
 _SMALLEST_RADIUS = 1e-8  # relative to the largest: below it the edge turns faster than its angle can be resolved
 _SECTORS = 16

@@ -1,7 +1,7 @@
 """Compiled kernels of the scaled contact problem: its natural map, that map's Newton matrix, a sweep point by point.
 
 All work on the buffers of a `ContactScratch`, called ``S``; `c` is the number of points and ``n = 3 c``. Letters and
-the equations are those of `rod.contact.kernels`.
+the equations are those of `friction.kernels`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.rod.contact.friction_set.kernels import project  # noqa: E402
-from fem_biobot.rod.contact.one_point.kernels import solve_point  # noqa: E402
+from fem_biobot.friction.friction_set.kernels import project  # noqa: E402
+from fem_biobot.friction.one_point.kernels import solve_point  # noqa: E402
 
 _EPS = 2.0**-52
 

@@ -33,8 +33,8 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.rod.contact.dense.kernels import factor, substitute  # noqa: E402
-from fem_biobot.rod.contact.natural_map.kernels import (  # noqa: E402
+from fem_biobot.friction.dense.kernels import factor, substitute  # noqa: E402
+from fem_biobot.friction.natural_map.kernels import (  # noqa: E402
     natural_map,
     newton_system,
     rounding_floor,
@@ -224,7 +224,7 @@ def solve_cones(W, b, mu, p, w, scratch, tolerance, max_iterations):
     w
         Written: velocities ``b + W p``, (c, 3) [mm/s].
     scratch
-        Buffers from `rod.contact.scratch.scratch(c)`, for this many points or more.
+        Buffers from `friction.scratch.scratch(c)`, for this many points or more.
     tolerance
         Residual wanted, about 1e-12 [1]; it is then refined down to rounding where that is possible.
     max_iterations

@@ -1,1 +1,0 @@
-"""Unilateral contact with set-valued friction: the condensed problem at the contact points, and its solver."""

@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.files import replacing
-from fem_biobot.mesh import geometry
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.geometry import CORNER_SHARE, build_mesh
 from fem_biobot.muscle.fibres import in_junction
 from fem_biobot.progress import show_tables
 from fem_biobot.solid.from_design import tension_step, tension_unit
@@ -112,8 +112,8 @@ def run(level: str, also: Sequence[float] = ()) -> Study:
     pair: dict[float, tuple[BodyMesh, list[Row]]] = {}
     sizes = {*SIZES[level], *also}
     for size in sorted({*sizes, *((coarser,) if level == "full" else ())}, reverse=True):
-        mesh = geometry.build_mesh(design, size)
-        row, states, solver = on_mesh(design, mesh, size, geometry.CORNER_SHARE)
+        mesh = build_mesh(design, size)
+        row, states, solver = on_mesh(design, mesh, size, CORNER_SHARE)
         if size in sizes:
             study.sizes.append(row)
         if size in (preset, coarser):
@@ -122,24 +122,11 @@ def run(level: str, also: Sequence[float] = ()) -> Study:
             study.quadratures = quadratures(design, solver, size)
     for share in CORNERS[level]:
         same = [row for row in study.sizes if (row["size_mm"], row["corner_share_1"]) == (preset, share)]
-        study.corners += same or [on_mesh(design, _with_corners(design, share), preset, share)[0]]
+        study.corners += same or [on_mesh(design, build_mesh(design, corner_share=share), preset, share)[0]]
     study.orders = [observed(study, name) for name in CONVERGING]
     if len(pair) == 2 and study.corners:
         study.estimates = estimates(study, pair[preset], pair[coarser])
     return study
-
-
-def _with_corners(design: Design, share: float) -> BodyMesh:
-    """The preset's mesh with other elements along its corner lines, their middles included.
-
-    The share is a constant of the mesh module, which is replaced while the mesh is made.
-    """
-    before = geometry.CORNER_SHARE, geometry.CORNER_MIDDLE_SHARE
-    geometry.CORNER_SHARE, geometry.CORNER_MIDDLE_SHARE = share, min(share, before[1])
-    try:
-        return geometry.build_mesh(design, design.mesh.size)
-    finally:
-        geometry.CORNER_SHARE, geometry.CORNER_MIDDLE_SHARE = before
 
 
 def on_mesh(design: Design, mesh: BodyMesh, size: float, share: float) -> tuple[Row, list[Row], Solver]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem_biobot.apart import Helper, ProcessDiedError
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.errors import MeshError
@@ -73,6 +74,8 @@ _OPTIONS = {
 }
 # Gmsh keeps one global state
 _LOCK = threading.Lock()
+# its tetrahedral algorithm corrupts memory at a few sizes: only this process dies of it
+_GMSH = Helper()
 
 
 class GmshMissing(MeshError):  # noqa: N818
@@ -100,7 +103,7 @@ def import_gmsh() -> Any:
     return gmsh
 
 
-def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
+def build_mesh(design: Design, size: float | None = None, *, corner_share: float = CORNER_SHARE) -> BodyMesh:
     """Mesh of a design, conforming across muscle and gel.
 
     Parameters
@@ -110,6 +113,8 @@ def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
     size
         General element size [mm]; that of the design if None. Junction, rings and re-entrant corners are finer in
         proportion to it.
+    corner_share
+        Element size along re-entrant corners over the general size [1]; in their middle it is at most 0.2.
 
     Returns
     -------
@@ -122,7 +127,8 @@ def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
     GmshMissing
         Gmsh cannot be imported.
     MeshError
-        The size is not positive, Gmsh fails, or the mesh does not have the design's parts and volumes.
+        The size is not positive, Gmsh fails or dies (in a process of its own: nothing else is lost), or the mesh does
+        not have the design's parts and volumes.
     """
     refuse_without_solid(design, "mesh")
     h = float(design.mesh.size if size is None else size)
@@ -133,19 +139,13 @@ def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
     estimate = 30 * sum(plan.volumes.values()) / h**3
     if estimate > MOST_ELEMENTS:
         raise MeshError(f"mesh size {h:g} mm would give about {estimate:.0e} elements; expected a larger size")
-    gmsh = import_gmsh()
-    with _LOCK, _session(gmsh):
-        try:
-            parts = _solids(gmsh.model.occ, plan)
-            gmsh.model.occ.synchronize()
-            _set_sizes(gmsh.model.mesh.field, plan, h)
-            gmsh.model.mesh.generate(3)
-            for method in ("Relocate3D", ""):
-                gmsh.model.mesh.optimize(method)
-            points, cells, regions = _arrays(gmsh.model.mesh, parts)
-        except Exception as error:  # Gmsh raises bare Exception
-            raise MeshError(f"Gmsh could not mesh the design at size {h:g} mm: {_last_line(error)}") from error
-        version = str(gmsh.__version__)
+    version = str(import_gmsh().__version__)
+    try:
+        points, cells, regions = _GMSH.call(tetrahedra, plan, h, corner_share)
+    except ProcessDiedError as died:
+        raise MeshError(
+            f"Gmsh died over the design's mesh of size {h:g} mm: {died}; a slightly different mesh.size usually works"
+        ) from None
     names = list(regions)
     region_of = np.empty(cells.shape[1], dtype=np.int64)
     for number, name in enumerate(names):
@@ -157,6 +157,28 @@ def build_mesh(design: Design, size: float | None = None) -> BodyMesh:
     source = {"generator": "gmsh", "gmsh_version": version, "size_mm": h}
     mesh = BodyMesh(points, cells, regions, surfaces, landmarks, source)
     return mesh.checked(plan)
+
+
+def tetrahedra(plan: Layout, h: float, corner_share: float = CORNER_SHARE) -> tuple[Array, Ints, dict[str, Ints]]:
+    """Vertices (3, n) [mm], cells (4, e) and regions of a layout meshed by Gmsh in this very process.
+
+    Raises
+    ------
+    MeshError
+        Gmsh fails.
+    """
+    gmsh = import_gmsh()
+    with _LOCK, _session(gmsh):
+        try:
+            parts = _solids(gmsh.model.occ, plan)
+            gmsh.model.occ.synchronize()
+            _set_sizes(gmsh.model.mesh.field, plan, h, corner_share)
+            gmsh.model.mesh.generate(3)
+            for method in ("Relocate3D", ""):
+                gmsh.model.mesh.optimize(method)
+            return _arrays(gmsh.model.mesh, parts)
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshError(f"Gmsh could not mesh the design at size {h:g} mm: {_last_line(error)}") from error
 
 
 def _last_line(error: Exception) -> str:
@@ -262,9 +284,9 @@ def _fillet(occ: Any, r: float, start: tuple[float, ...], end: tuple[float, ...]
     return next(entity for entity in solids if entity[0] == 3)
 
 
-def _set_sizes(field: Any, plan: Layout, h: float) -> None:
+def _set_sizes(field: Any, plan: Layout, h: float, corner_share: float) -> None:
     """Element size: `h` in general, finer in thin muscle, rings and re-entrant corners, growing smoothly away."""
-    zones = list(_zones(plan, h))
+    zones = list(_zones(plan, h, corner_share))
     tags = []
     for box, inside in zones:
         if inside >= h:
@@ -285,7 +307,7 @@ def _set_sizes(field: Any, plan: Layout, h: float) -> None:
     field.setAsBackgroundMesh(smallest)
 
 
-def _zones(plan: Layout, h: float) -> Iterator[tuple[Box, float]]:
+def _zones(plan: Layout, h: float, corner_share: float) -> Iterator[tuple[Box, float]]:
     """Refined parts of a bot and their element sizes; a strip or a cantilever is meshed evenly."""
     if not plan.pillars or plan.beam is None:
         return
@@ -300,11 +322,11 @@ def _zones(plan: Layout, h: float) -> Iterator[tuple[Box, float]]:
         x0, x1 = sorted((start[0], start[0] + sign * r))
         box = Box((x0, start[1], start[2] - r), (x1, end[1], end[2]))
         # two elements along a fillet's arc
-        yield box, min(CORNER_SHARE * h, r * np.pi / 4) if r else CORNER_SHARE * h
+        yield box, min(corner_share * h, r * np.pi / 4) if r else corner_share * h
     for name in ("corner_short", "corner_long"):
         x, y, z = plan.landmarks[name]
         d = CORNER_MIDDLE_REACH * thickness
-        yield Box((x - d, y - d, z - d), (x + d, y + d, z + d)), CORNER_MIDDLE_SHARE * h
+        yield Box((x - d, y - d, z - d), (x + d, y + d, z + d)), min(corner_share, CORNER_MIDDLE_SHARE) * h
 
 
 def _arrays(mesh: Any, parts: dict[str, list[int]]) -> tuple[Array, Ints, dict[str, Ints]]:

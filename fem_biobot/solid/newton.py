@@ -30,7 +30,9 @@ class NewtonSettings:
     Attributes
     ----------
     tolerance
-        Residual norm at convergence, relative to the norm of the summed sizes of all element forces (and of the loads).
+        Residual norm at convergence, relative to the norm of the summed sizes of all element forces (and of the loads),
+        the largest met on the path. Where those of the state itself are far smaller, it is solved further as long as
+        that helps.
     max_iterations
         Newton iterations in a step before it is given up (and halved).
     max_cg
@@ -70,6 +72,8 @@ _NEAR = 1e-4
 
 # the residual cannot fall below this many times what rounding leaves of the stresses
 _ROUNDING = 4.0
+# times the tolerance, of the state's own forces, that a state is taken with; above it is solved further
+_OF_ITS_OWN = 4.0
 
 
 class StepSolver(Protocol):
@@ -181,11 +185,13 @@ def newton(
     def failed(text: str, why: Why) -> StepFailedError:
         return StepFailedError(text, why, element=system.loudest(free), iteration=iteration, best=best)
 
-    for iteration in range(settings.max_iterations + 1):
+    most = settings.max_iterations
+    for iteration in range(most + 1):
         force, magnitude = system.internal_force(points)
         f_ext = system.external_force(u, step)
         free = system.residual(points, force, f_ext)
-        scale = max(scale, float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
+        own = max(float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
+        scale = max(scale, own)
         free[held.dofs] = 0.0
         norm = float(np.linalg.norm(free))
         observe("iteration", {"iteration": iteration, "residual": norm / scale if scale else 0.0})
@@ -193,9 +199,14 @@ def newton(
             raise failed("the residual is not a number", Why.no_number)
         if not lifting and scale and (best is None or norm < best.residual * scale):
             best = Iterate(u.copy(), p.copy(), norm / scale)
-        if norm <= max(settings.tolerance * scale, _ROUNDING * system.rounding_force) and not lifting:
-            return Equilibrium(step, u, p, points, force, norm / scale if scale else 0.0, iteration), scale
-        if iteration == settings.max_iterations:
+        least = _ROUNDING * system.rounding_force
+        if norm <= max(settings.tolerance * scale, least) and not lifting:
+            # a trial of a thin part may have had forces far above those of the state, which alone say how good it is;
+            # but those of a body that contracts freely vanish, so that there is no more than trying
+            helped = norm < 0.5 * last
+            if norm <= max(_OF_ITS_OWN * settings.tolerance * own, least) or not helped or iteration == most:
+                return Equilibrium(step, u, p, points, force, norm / scale if scale else 0.0, iteration), scale
+        if iteration == most:
             break
         # a trial close to equilibrium has a tangent close to the one factored last
         if lifting or (first is None and norm > _NEAR * scale):
@@ -219,7 +230,9 @@ def newton(
         if not lifting:
             # solve no further than Newton's own error of this iteration deserves
             expected = 0.1 * (norm / last) ** 2 if 0.0 < last < np.inf else 1e-3
-            forcing = min(1e-2, max(0.1 * settings.tolerance * scale / norm, expected))
+            # own forces set how far once the path's are met
+            wanted = own if norm <= settings.tolerance * scale else scale
+            forcing = min(1e-2, max(0.1 * settings.tolerance * wanted / norm, expected))
         solver.counts.newton += 1
         try:
             delta = solver.solve(data, b, forcing)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import threading
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fem_biobot.apart import Helper
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.errors import MeshError
@@ -290,8 +292,32 @@ def test_a_failure_of_gmsh_is_one_line(gmsh, monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(geometry, "_set_sizes", fails)
     with pytest.raises(MeshError, match=r"at size 0\.5 mm: PLC Error: facets intersect$"):
-        build_mesh(load_design("strip"), 0.5)
+        geometry.tetrahedra(layout(load_design("strip")), 0.5)
     assert not gmsh.isInitialized()
+
+
+def test_gmsh_dies_alone(gmsh, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A signal that ends Gmsh is a line of text here, and the next mesh is made.
+
+    Catches: Gmsh in the caller's own process, a helper that stays dead.
+    """
+    design = load_design("strip")
+    with monkeypatch.context() as patch:
+        patch.setattr(geometry._GMSH, "call", lambda _, *arguments: Helper.call(geometry._GMSH, os.abort))
+        with pytest.raises(MeshError, match=r"size 0\.5 mm: it ended by SIGABRT.*different mesh\.size"):
+            build_mesh(design, 0.5)
+    assert build_mesh(design, 0.5).quality().minimum > 0.0
+
+
+def test_corners_take_the_share_asked_for(gmsh) -> None:
+    """Elements at re-entrant corners follow `corner_share`, the others do not.
+
+    Catches: a share that does not reach Gmsh.
+    """
+    design = load_design("junction_bot")
+    usual, finer = build_mesh(design, 2.0), build_mesh(design, 2.0, corner_share=0.15)
+    assert finer.cells.shape[1] > 1.3 * usual.cells.shape[1]
+    assert build_mesh(design, 2.0, corner_share=0.4).cells.shape == usual.cells.shape
 
 
 def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

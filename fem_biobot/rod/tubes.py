@@ -189,6 +189,17 @@ class _Tube:
         return np.swapaxes(np.concatenate(found, axis=-2), -1, -2)
 
 
+def tube_layout(piece: Piece) -> tuple[Ints, tuple[Array, ...]] | None:
+    """Element of each slice of a rod's piece, (s,), and its outlines (p, 2) [mm]; None of other kinds.
+
+    Points of such a piece: for each outline its points at the ``s + 1`` stations, one station after another; then, with
+    one outline, the middles of both caps.
+    """
+    if not isinstance(piece.shape, _Tube):
+        return None
+    return np.repeat(np.unique(piece.element), piece.shape.between), piece.shape.outlines
+
+
 @dataclass(frozen=True, eq=False)
 class _Fixed:
     """Points fixed to a node."""

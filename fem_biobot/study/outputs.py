@@ -17,6 +17,7 @@ from fem_biobot.solid.measures import eq3_stiffness
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.stress import cauchy_stress, element_mean, fibre_stress, first_piola_stress, node_probe, von_mises
 from fem_biobot.study.plan import Found
+from fem_biobot.view.interactive import Moving
 from fem_biobot.view.machine import Machine, Shape, machine_pictures
 from fem_biobot.view.pictures import draw_pictures
 from fem_biobot.view.plots import force_stroke, tension_path, von_mises_path
@@ -122,28 +123,26 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 def draw(folder: Path, design: Design, shown: Sequence[Found]) -> tuple[list[Path], str]:
     """Pictures of the states shown; returns their files and a note if a lesser renderer drew them."""
-    model = shown[0].state.model
-    space = model.system.space
-    focus = design.landmarks().get("corner_short")
-    machine = Machine(space.points, space.nodes, dict(model.mesh.regions), design.name, design.kind == "bot", focus)
-    shapes = []
-    for found in shown:
-        fields = nodal_fields(found.state)
-        u = found.state.u
-        if design.kind == "bot":
-            u = standing(space.points + u) - space.points
-        shapes.append(
-            Shape(
-                found.wanted.key,
-                found.wanted.label,
-                u,
-                fields["von_mises_kPa"],
-                fields.get("fibre_stretch_1"),
-                fields.get("fibre_stress_kPa"),
-            )
-        )
+    machine = machine_of(design, shown[0].state)
+    shapes = [shape_of(design, found.state, found.wanted.key, found.wanted.label) for found in shown]
     drawn = draw_pictures(machine_pictures(machine, shapes), figures_folder(folder))
     return list(drawn.files), drawn.note
+
+
+def machine_of(design: Design, state: SolidState) -> Machine:
+    """The undeformed body of a state, to draw."""
+    space = state.model.system.space
+    focus = design.landmarks().get("corner_short")
+    regions = dict(state.model.mesh.regions)
+    return Machine(space.points, space.nodes, regions, design.name, design.kind == "bot", focus)
+
+
+def shape_of(design: Design, state: SolidState, key: str, label: str) -> Shape:
+    """A state as it is drawn: a machine with feet stands on them."""
+    points, u, fields = state.model.system.space.points, state.u, nodal_fields(state)
+    if design.kind == "bot":
+        u = standing(points + u) - points
+    return Shape(key, label, u, fields["von_mises_kPa"], fields.get("fibre_stretch_1"), fields.get("fibre_stress_kPa"))
 
 
 def standing(x: Array) -> Array:
@@ -240,8 +239,9 @@ def write_run_report(
     figures: Sequence[tuple[Path, str]],
     design: Design,
     more: Sequence[Table] = (),
+    views: Sequence[Moving] = (),
 ) -> None:
-    """`report.html` of a run, with `more` tables after those of the states."""
+    """`report.html` of a run, with `more` tables after those of the states, and interactive views."""
     solid = summary["solid"]
     tables: list[Table] = []
     if solid.get("comparison"):
@@ -255,8 +255,9 @@ def write_run_report(
     tables.append(_table("States", [{name: s.get(name) for name in kept} for s in solid["states"]]))
     tables += more
     write_report(
-        folder / "report.html", summary, figures, tables, summary["notes"], title=f"{design.name}: stress and stroke"
-    )
+        folder / "report.html", summary, figures, tables, summary["notes"], views=views,
+        title=f"{design.name}: stress and stroke",
+    )  # fmt: skip
 
 
 def _table(title: str, rows: Sequence[Mapping[str, Any]]) -> Table:

@@ -22,6 +22,7 @@ from fem_biobot.rod.tube_fields import (
     resultants,
 )
 from fem_biobot.rod.tubes import Piece, contact_points, ground_square, pieces
+from fem_biobot.study.views import is_tissue
 from fem_biobot.view.animation import Silhouette, Trail, write_gait
 from fem_biobot.view.gait import Foot, energy_book, foot_forces, position
 from fem_biobot.view.machine import GEL, MUSCLE
@@ -179,7 +180,7 @@ def draw_gait(
         key=lambda piece: (-round(float((lateral @ piece.points(x[0], Q[0])).mean()), 6), _layer(piece)),
     )
     for piece in seen_from_right:
-        tissue = piece.kind == "muscle" or piece.name.startswith(("ring", "fibre"))
+        tissue = is_tissue(piece)
         glow = motion.drive[inside] / strongest if piece.kind == "muscle" else None
         seen = np.einsum("ac,tcp->tap", plane, piece.points(x, Q))
         parts.append(Silhouette(seen, piece.triangles, MUSCLE if tissue else GEL, glow))

@@ -26,7 +26,7 @@ from fem_biobot.solid.compiling import compile_kernels
 from fem_biobot.solid.linear import pardiso_missing
 from fem_biobot.solid.measures import Measurer, muscle_work
 from fem_biobot.solid.touching import touching_parts
-from fem_biobot.study import compare, outputs, walk_files
+from fem_biobot.study import compare, outputs, views, walk_files
 from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
 from fem_biobot.study.paper import WALKED_FREQUENCIES
@@ -34,6 +34,7 @@ from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
 from fem_biobot.study.walking import WalkPlan, check_drive, walks_of
+from fem_biobot.view.interactive import Moving
 
 _COARSER = 1.6  # size of the second mesh of the error estimate over the first
 _LEAST_STROKES = 8  # a walk of fewer says little
@@ -164,7 +165,8 @@ class _Job:
         summary["timings_s"] = {**self.timings, "total": round(time.perf_counter() - self.began, 3)}
         if self.complete:
             self.figures += self.muscle.figures
-            outputs.write_run_report(self.folder.path, summary, self.figures, self.design, self.muscle.tables)
+            shown = self._timed("views", self._views)
+            outputs.write_run_report(self.folder.path, summary, self.figures, self.design, self.muscle.tables, shown)
             self.reporter.advance("report")
         self.folder.close(summary)
         return summary
@@ -238,6 +240,11 @@ class _Job:
     def _shown_frequency(self) -> float:
         """Of the walk that is drawn and written for ParaView: the paper's next to the design's [Hz]."""
         return min(WALKED_FREQUENCIES, key=lambda f: abs(f - self.design.drive.frequency))
+
+    @property
+    def _shown_walk(self) -> Walk:
+        """The walk that the report shows; there is one at least."""
+        return next((w for w in self.walks if w.frequency == self._shown_frequency), self.walks[0])
 
     def _walk(self) -> None:
         """Walk at the paper's frequencies; a walk that fails is said and leaves the rest of the result whole."""
@@ -360,9 +367,13 @@ class _Job:
         self.figures += outputs.plot(self.folder.path, self.design, summary["solid"]["states"])
         self.reporter.advance("plots")
         if self.walks:
-            shown = next((w for w in self.walks if w.frequency == self._shown_frequency), self.walks[0])
-            self.figures += walk_files.draw_walks(self.folder.path, self.walks, [shown])
+            self.figures += walk_files.draw_walks(self.folder.path, self.walks, [self._shown_walk])
             self.reporter.advance("walks")
+
+    def _views(self) -> list[Moving]:
+        """Both models as the reader turns them."""
+        found = views.solid_views(self.design, self.found)
+        return [*found, views.walk_view(self._shown_walk)] if self.walks else found
 
     def _leave_readable(self, mesh: BodyMesh, solver: Solver, failure: BaseException) -> None:
         """What was reached, as a summary that says it is not whole."""

@@ -16,6 +16,7 @@ from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.published.course import diagnostics
 from fem_biobot.study import compare, rod_outputs
 from fem_biobot.study.outputs import figures_folder, write_table
+from fem_biobot.study.views import MOST_WALKS, walk_view
 from fem_biobot.view.gait import step_against_frequency
 from fem_biobot.view.report import write_report
 
@@ -120,15 +121,18 @@ def draw_walks(folder: Path, walks: Sequence[Walk], shown: Sequence[Walk]) -> li
 
 
 def write_walk_report(
-    folder: Path, summary: Mapping[str, Any], figures: Sequence[tuple[Path, str]], design: Design
+    folder: Path, summary: Mapping[str, Any], figures: Sequence[tuple[Path, str]], design: Design, walks: Sequence[Walk]
 ) -> None:
-    """`report.html` of the command `walk`."""
+    """`report.html` of the command `walk`; of more walks than a browser shows, the first ones are interactive."""
     rows = [{name: walk.get(name) for name in _SHOWN} for walk in summary["walks"]]
     tables = [table("Walking, rod model", rows)]
     beside = compare.walks_beside_paper(summary["walks"])
     if beside:
         tables.append(table("Beside the paper", beside))
-    write_report(folder / "report.html", summary, figures, tables, summary["notes"], title=f"{design.name}: walking")
+    write_report(
+        folder / "report.html", summary, figures, tables, summary["notes"],
+        views=[walk_view(walk) for walk in walks[:MOST_WALKS]], title=f"{design.name}: walking",
+    )  # fmt: skip
 
 
 def table(title: str, rows: Sequence[Mapping[str, Any]]) -> tuple[str, list[str], list[list[Any]]]:

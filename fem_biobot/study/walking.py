@@ -162,7 +162,7 @@ def walk_design(
     reporter.advance("plots and animation")
     result = summary(True)
     walk_files.write_walk_tables(folder.path, walks)
-    walk_files.write_walk_report(folder.path, result, figures, design)
+    walk_files.write_walk_report(folder.path, result, figures, design, walks)
     folder.close(result)
     return result
 

@@ -1,4 +1,7 @@
-"""The one-page report of a run: plain HTML with everything inside, fit to be mailed or printed; no scripts."""
+"""The one-page report of a run: HTML with everything inside, fit to be mailed or printed.
+
+A page without interactive views has no scripts.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from typing import Any
 
 from fem_biobot.errors import FileError
 from fem_biobot.files import file_error, write_text
+from fem_biobot.view import interactive
+from fem_biobot.view.interactive import Moving
 
 Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 
@@ -46,6 +51,7 @@ def write_report(
     tables: Sequence[Table],
     notes: Sequence[str],
     *,
+    views: Sequence[Moving] = (),
     title: str = "Report of a run",
 ) -> None:
     """Write the report.
@@ -64,17 +70,21 @@ def write_report(
         a key with a unit (``tip_closing_mm``) is spelt out (``tip closing [mm]``).
     notes
         What the reader must know first, such as what was used instead of what.
+    views
+        Interactive views, before the tables.
 
     Raises
     ------
     FileError
-        An image is missing or of no known kind, a row does not fit its header, or the file cannot be written.
+        An image is missing or of no known kind, a row does not fit its header, a view's arrays do not fit, or the file
+        cannot be written.
     """
     parts = [f"<h1>{_text(title)}</h1>"]
     if summary.get("design_digest"):
         parts.append(f'<p class="digest">design {_text(summary["design_digest"])}</p>')
     if notes:
         parts.append('<div class="notes">' + "".join(f"<p>{_text(note)}</p>" for note in notes) + "</div>")
+    parts += [interactive.figure(view) for view in views]
     parts += [_table(path, *table) for table in tables]
     parts += [_figure(Path(file), caption) for file, caption in figures]
     for key, name in (("mesh", "Mesh"), ("timings_s", "Timings [s]")):
@@ -82,13 +92,15 @@ def write_report(
         if rows:
             parts.append(_table(path, name, ("quantity", "value"), rows))
     parts.append(_footer(summary))
+    if views:
+        parts.append(f"<script>{interactive.script()}</script>")
     page = "\n".join(
         [
             "<!DOCTYPE html>",
             '<html lang="en">',
             '<head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">',
             f"<title>{_text(title)}</title>",
-            f"<style>{_STYLE}</style></head>",
+            f"<style>{_STYLE}{interactive.style() if views else ''}</style></head>",
             "<body>",
             *parts,
             "</body>",

@@ -1,0 +1,195 @@
+"""A page with interactive views in a real browser: no error, something is drawn, it turns, it moves on."""
+
+from __future__ import annotations
+
+import base64
+import io
+import shutil
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fem_biobot.view.moving import machine_view
+from fem_biobot.view.report import write_report
+from tests.unit.test_view_interactive import triangle
+from tests.unit.test_view_machine import body, shape
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="no selenium: pip install selenium")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FLAGS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1000,1400")
+SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+def started(*flags: str) -> Any:
+    """A browser; the test is skipped where there is none."""
+    from selenium.common.exceptions import WebDriverException
+    from selenium.webdriver.chrome.service import Service
+
+    browser, driver = next(filter(None, map(shutil.which, BROWSERS)), None), shutil.which("chromedriver")
+    if browser is None or driver is None:
+        pytest.skip(f"no browser: found {browser or 'no chromium'} and {driver or 'no chromedriver'} on the path")
+    options = webdriver.ChromeOptions()
+    options.binary_location = browser
+    for flag in (*FLAGS, *flags):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    try:
+        return webdriver.Chrome(options=options, service=Service(driver))
+    except WebDriverException as error:
+        pytest.skip(f"{browser} does not start: {str(error).splitlines()[0]}")
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A small report: a box that is bent in three states, and one that moves over time."""
+    machine = body()
+    states = [shape(machine, f"state {k}", k) for k in (0.0, 4.0, 9.0)]
+    views = [machine_view(machine, states, title="box"), triangle(labels=(), times=np.array([0.0, 0.5]), fields=[])]
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(file, {}, [], [("Table", ["a_mm"], [[1.5]])], [], views=views)
+    return file.as_uri()
+
+
+@pytest.fixture(scope="module")
+def browser(address: str) -> Iterator[Any]:
+    """A browser that shows the report."""
+    found = started(*SOFTWARE)
+    found.get(address)
+    yield found
+    found.quit()
+
+
+def canvas(browser: Any, view: int = 0) -> Any:
+    return browser.find_elements("css selector", "figure.view3d canvas")[view]
+
+
+def pixels(browser: Any, view: int = 0) -> np.ndarray:
+    """What a view shows, once it has drawn what was last asked for."""
+    before, deadline = None, time.monotonic() + 5.0
+    while time.monotonic() < deadline:
+        figure = browser.find_elements("css selector", "figure.view3d")[view]
+        drawn = figure.get_attribute("data-drawn")
+        if drawn is not None and drawn == before:
+            break
+        before = drawn
+        time.sleep(0.1)
+    text = browser.execute_script("return arguments[0].toDataURL('image/png')", canvas(browser, view))
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(text.partition(",")[2]))).convert("RGB"))
+
+
+def changed(before: np.ndarray, after: np.ndarray) -> float:
+    """Share of the pixels that differ by what the eye sees."""
+    return float((np.abs(before.astype(int) - after.astype(int)).max(axis=2) > 8).mean())
+
+
+def test_a_report_opens_without_an_error_and_draws_its_views(browser: Any) -> None:
+    """Nothing in the console; in both views a twentieth of the pixels or more is not background.
+
+    Catches: a shader that does not compile, arrays in another order than the script reads, a view behind the camera.
+    """
+    for view in (0, 1):
+        assert (pixels(browser, view) < 245).any(axis=2).mean() > 0.05
+    assert browser.get_log("browser") == []
+
+
+def test_the_colours_of_the_bar_are_on_the_body(browser: Any) -> None:
+    """The field is seen by its colours, the parts by theirs: red muscle shows with ``parts`` only.
+
+    Catches: the ramp bound to the wrong texture, values read with another stride, a select that does nothing.
+    """
+    from selenium.webdriver.support.ui import Select
+
+    chosen = Select(browser.find_elements("css selector", "figure.view3d select")[0])
+    field = pixels(browser)
+    assert "kPa" in browser.find_element("css selector", ".bar .name").text
+    chosen.select_by_visible_text("parts")
+    parts = pixels(browser).astype(int)
+    red = (parts[..., 0] > 1.8 * parts[..., 2]) & (parts[..., 0] > 90)
+    assert changed(field, parts) > 0.05
+    assert red.mean() > 0.02
+    assert browser.find_element("css selector", ".bar").text == ""
+    chosen.select_by_index(0)
+    assert changed(field, pixels(browser)) == 0.0
+
+
+def test_dragging_turns_and_the_keys_bring_it_back(browser: Any) -> None:
+    """Catches: pointer events that reach nothing, a turn without a new picture, a reset that forgets something."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    before = pixels(browser)
+    for way in ((120, 0), (0, 60)):
+        ActionChains(browser).drag_and_drop_by_offset(canvas(browser), *way).perform()
+        assert changed(before, pixels(browser)) > 0.05
+        canvas(browser).send_keys(Keys.HOME)
+        assert changed(before, pixels(browser)) == 0.0
+    canvas(browser).send_keys("+")
+    assert (pixels(browser) < 245).any(axis=2).mean() > 1.1 * (before < 245).any(axis=2).mean()
+    canvas(browser).send_keys(Keys.HOME)
+
+
+def test_two_fingers_zoom(browser: Any) -> None:
+    """Catches: touches taken for a mouse, a pinch that turns instead."""
+    before, box = pixels(browser), canvas(browser).rect
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def touch(kind: str, apart: float | None) -> None:
+        points = [] if apart is None else [{"x": x + s * apart, "y": y, "id": i} for i, s in enumerate((-1, 1))]
+        browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    touch("touchStart", 60)
+    for apart in (55, 50, 45, 40, 35, 30):
+        touch("touchMove", apart)
+    touch("touchEnd", None)
+    after = pixels(browser)
+    # half as far apart: a quarter of the area
+    share = (after < 245).any(axis=2).mean() / (before < 245).any(axis=2).mean()
+    assert 0.15 < share < 0.45
+    browser.execute_script(
+        "document.querySelectorAll('figure.view3d button').forEach(b => b.textContent === 'reset' && b.click())"
+    )
+    assert changed(before, pixels(browser)) == 0.0
+
+
+@pytest.mark.parametrize("view", [0, 1])
+def test_the_slider_and_play_move_through_states_and_times(browser: Any, view: int) -> None:
+    """Catches: a slider bound to nothing, a label of another state, play that does not run or not stop."""
+    from selenium.webdriver.common.keys import Keys
+
+    figure = browser.find_elements("css selector", "figure.view3d")[view]
+    slider, told = (
+        figure.find_element("css selector", "input[type=range]"),
+        figure.find_element("css selector", ".told"),
+    )
+    slider.send_keys(Keys.END)
+    after = pixels(browser, view)
+    last = told.text
+    slider.send_keys(Keys.HOME)
+    assert changed(after, pixels(browser, view)) > 0.005
+    assert (told.text, last) == (("state 0.0, 0.0 kPa", "state 9.0, 9.0 kPa"), ("0.000 s", "0.500 s"))[view]
+    play = figure.find_element("css selector", "button")
+    play.click()
+    time.sleep(0.4)
+    play.click()
+    stopped = told.text
+    assert stopped != ("state 0.0, 0.0 kPa", "0.000 s")[view]
+    time.sleep(0.2)
+    assert told.text == stopped
+    slider.send_keys(Keys.END)
+
+
+def test_without_webgl_a_sentence_stands_in_its_place(address: str) -> None:
+    """Catches: an empty box, an error in the console of a browser that draws no 3D."""
+    found = started("--disable-3d-apis")
+    try:
+        found.get(address)
+        text = found.find_element("css selector", "figure.view3d .fallback").text
+        assert "WebGL" in text
+        assert not found.find_elements("css selector", "canvas")
+        assert [line for line in found.get_log("browser") if line["level"] == "SEVERE"] == []
+    finally:
+        found.quit()

@@ -36,7 +36,7 @@ Table = dict[str, Any]
 @cache
 def presets() -> Mapping[str, str]:
     """Names of the designs that come with the package, each with a line about it."""
-    return {name: str(_read_table(PRESETS / f"{name}.toml")["description"]) for name in _preset_names()}
+    return {name: str(read_table(PRESETS / f"{name}.toml")["description"]) for name in _preset_names()}
 
 
 @cache
@@ -217,7 +217,16 @@ def _design_path(name_or_path: str | Path, folder: Path) -> Path:
     raise FileError(f"{quoted}: no such file or preset, expected a TOML file or one of: {names}{hint}")
 
 
-def _read_table(path: Path) -> Table:
+def read_table(path: Path) -> Table:
+    """Content of a TOML file as it stands; the one reader, also of files that are no designs.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is far too large.
+    DesignError
+        Not TOML; one line with the line.
+    """
     where = one_line(str(path))
     try:
         size = path.stat().st_size
@@ -247,7 +256,7 @@ def _resolved_table(path: Path, seen: tuple[Path, ...]) -> Table:
     here = path.resolve()
     if here in seen:
         raise DesignError(f"base: found {path.name}, which leads back to itself, expected a preset or another file")
-    table = _read_table(path)
+    table = read_table(path)
     _place_files(table, path.parent)
     base = table.pop("base", None)
     if base is None:

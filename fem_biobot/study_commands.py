@@ -6,13 +6,14 @@ Each gives a job, which runs after the arguments are parsed, as in `cli`.
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from fem_biobot import study_jobs
 from fem_biobot.jobs import Order
-from fem_biobot.options import AsJson, Debug, DesignName, Force, Job, Out, Quiet, Sets, group
+from fem_biobot.options import AsJson, Debug, DesignName, Force, Job, OptionError, Out, Quiet, Resume, Sets, group
 
 study = group("study", "Questions that take many solutions of a design.")
 
@@ -37,3 +38,30 @@ def _convergence_command(
     """Mesh to stress: limit, error bar and order of every number, and which of them do not converge."""
     order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
     return partial(study_jobs.convergence, order, sizes, tuple(element or ("P2",)), error)
+
+
+@study.command("sweep")
+def _sweep_command(
+    file: Annotated[Path, typer.Argument(metavar="SWEEP.toml", help="Which keys take which values, and what is done.")],
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler: tcp://10.0.0.1:8786.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", help="Processes on this machine; by default its processors.")
+    ] = None,
+    out: Out = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    resume: Resume = False,
+    debug: Debug = False,
+) -> Job:
+    """Many designs at once: solve, walk or cross-check each, on all cores or a cluster; finished cases stay."""
+    if force and resume:
+        raise OptionError("--resume: found together with --force, expected one of them")
+    if scheduler is not None and workers is not None:
+        raise OptionError("--workers: found together with --scheduler, expected one of them (a cluster has its own)")
+    if workers is not None and workers < 1:
+        raise OptionError(f"--workers: found {workers}, expected 1 or more")
+    order = Order(str(file), out, quiet=quiet, json=as_json, force=force, resume=resume)
+    return partial(study_jobs.sweep, order, scheduler, workers)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fem_biobot.jobs import Order, mesh_size, result_folder, safe_name, show, worked
+from fem_biobot.design_checks import refuse_without_solid
+from fem_biobot.jobs import Order, mesh_size, result_folder, safe_name, show, usable_folder, worked
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 def convergence(order: Order, sizes: str | None, elements: tuple[str, ...], error: float) -> int:
     """One state of a design on several meshes."""
     from fem_biobot.config import load_design
-    from fem_biobot.design_checks import refuse_without_solid
 
     design = load_design(order.design, order.sets)
     refuse_without_solid(design, "mesh")
@@ -46,5 +46,33 @@ def convergence(order: Order, sizes: str | None, elements: tuple[str, ...], erro
         )
 
     summary = worked(order, folder, job)
+    show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    return 0
+
+
+def sweep(order: Order, scheduler: str | None, workers: int | None) -> int:
+    """Many designs, on this machine or on a cluster."""
+    from fem_biobot.study.sweep_file import Task, read_sweep
+
+    plan = read_sweep(Path(order.design))
+    if plan.task is not Task.walk:
+        refuse_without_solid(plan.base, plan.task.value)
+    folder = usable_folder(order.out or Path("runs") / safe_name(plan.name))
+
+    from fem_biobot.study.finding import tables_of
+    from fem_biobot.study.sweep import sweep as carry_out
+    from fem_biobot.study.sweep_runner import LocalRunner, Runner
+
+    def runner(place: Path) -> Runner:
+        if scheduler is None:
+            return LocalRunner(workers)
+        from fem_biobot.study.sweep_cluster import ClusterRunner
+
+        return ClusterRunner(scheduler, place)
+
+    def work(reporter: Reporter) -> dict[str, Any]:
+        return carry_out(plan, folder, runner=runner, force=order.force, resume=order.resume, reporter=reporter)
+
+    summary = worked(order, folder, work)
     show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
     return 0

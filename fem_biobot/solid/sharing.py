@@ -83,9 +83,10 @@ def shares(nodes: Ints, points: Array, threads: int | None = None) -> Shares:
 
 @cache
 def usable_threads() -> int:
-    """Processors that this process may use, at most four."""
+    """Processors that this process may use, at most four, and no more than ``OMP_NUM_THREADS`` asks for."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(_MOST_THREADS, usable))
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    return max(1, min(_MOST_THREADS, usable, int(asked) if asked.isdecimal() else usable))
 
 
 @cache

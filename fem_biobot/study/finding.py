@@ -61,7 +61,9 @@ def examine(
     *,
     mesh: str = "none",
     kind: str = "muscle",
+    identity: Mapping[str, str] | None = None,
     force: bool = False,
+    resume: bool = False,
     reporter: Reporter | None = None,
 ) -> dict[str, Any]:
     """Examine a design and write the result's folder.
@@ -80,8 +82,12 @@ def examine(
         Which mesh, where one is used.
     kind
         What the subject belongs to; nothing for one that stands by itself.
+    identity
+        What else tells this result from another of the same design.
     force
         Redo what is there, also another design's result.
+    resume
+        Insist on going on from an unfinished result.
     reporter
         Told of what is there already.
 
@@ -97,8 +103,9 @@ def examine(
     """
     reporter = reporter or Silent()
     job = {"kind": f"{kind} {subject}".strip(), "design_digest": digest(design), "mesh": mesh}
+    job |= identity or {}
     folder = ResultFolder(out, job)
-    done = folder.done(reporter, force=force)
+    done = folder.done(reporter, force=force, resume=resume)
     if done is not None:
         return done
     began = time.perf_counter()

@@ -21,6 +21,7 @@ from fem_biobot.files import write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
+from fem_biobot.mesh.store import stored_mesh
 from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.compiling import compile_kernels
 from fem_biobot.solid.linear import pardiso_missing
@@ -51,6 +52,7 @@ def run(
     resume: bool = False,
     complete: bool = True,
     walks: bool = True,
+    meshes: Path | None = None,
     reporter: Reporter | None = None,
 ) -> dict[str, Any]:
     """Do the main job and write its folder.
@@ -73,6 +75,8 @@ def run(
         True for `run`; False for `solve`: states, tables and VTK only.
     walks
         Whether a complete job of a bot includes walking, at the frequencies and with the forces of the paper.
+    meshes
+        A folder of generated meshes that results of equal geometry share, see `mesh.store`.
     reporter
         Told of stages, states, iterations and notes.
 
@@ -87,7 +91,7 @@ def run(
         Wrong input before anything is written; a failed solve after everything reached is on disk.
     """
     refuse_without_solid(design, "solve")
-    job = _Job(design, out, mesh_file, names, size, complete, walks, reporter or Silent())
+    job = _Job(design, out, mesh_file, names, size, complete, walks, meshes, reporter or Silent())
     done = job.folder.done(job.reporter, force=force, resume=resume)
     if done is not None:
         return done
@@ -106,10 +110,12 @@ class _Job:
         size: float | None,
         complete: bool,
         walks: bool,
+        meshes: Path | None,
         reporter: Reporter,
     ) -> None:
         self.design = design if size is None else design.with_values({"mesh.size": size})
         self.mesh_file, self.names, self.complete, self.reporter = mesh_file, names, complete, reporter
+        self.meshes = meshes
         identity = {
             "kind": "run" if complete else "solve",
             "design_digest": digest(self.design),
@@ -174,7 +180,7 @@ class _Job:
     def _mesh(self) -> BodyMesh:
         if self.mesh_file is not None:
             return read_mesh(self.mesh_file, self.names, design=self.design)
-        mesh, notes = mesh_for(self.design)
+        mesh, notes = mesh_for(self.design) if self.meshes is None else stored_mesh(self.design, self.meshes)
         for note in notes:
             self._note(note)
         return mesh

@@ -84,6 +84,7 @@ def walk_design(
     *,
     force: bool = False,
     resume: bool = False,
+    pictures: bool = True,
     reporter: Reporter | None = None,
 ) -> dict[str, Any]:
     """Walk a design at the frequencies of a plan and write the result's folder.
@@ -96,6 +97,8 @@ def walk_design(
         Folder of the result.
     force, resume
         As in `study.run.run`.
+    pictures
+        Whether the rods over time, plots, animation and report are written beside the numbers.
     reporter
         Told of stages, strokes and notes.
 
@@ -147,22 +150,25 @@ def walk_design(
     try:
         for found in walks_of(design, plan, folder, reporter, note):
             walks.append(found)
-            walk_files.write_walk(folder.path, found, _series(plan, found))
+            walk_files.write_walk(folder.path, found, _series(plan, found) if pictures else None)
     except (BiobotError, KeyboardInterrupt) as failure:
         if isinstance(failure, SolveError) and isinstance(failure.best, Walk):
             walks.append(failure.best)
-            walk_files.write_walk(folder.path, failure.best, _series(plan, failure.best))
+            walk_files.write_walk(folder.path, failure.best, _series(plan, failure.best) if pictures else None)
         reached = f"{len(walks)} of {len(plan.frequencies)} walks"
         write_json(
             folder.path / SUMMARY, {**summary(False), "failure": str(failure) or "interrupted", "reached": reached}
         )
         raise
-    reporter.stage("plots and animation", 1)
-    figures = walk_files.draw_walks(folder.path, walks, walks)
-    reporter.advance("plots and animation")
-    result = summary(True)
     walk_files.write_walk_tables(folder.path, walks)
-    walk_files.write_walk_report(folder.path, result, figures, design, walks)
+    figures = []
+    if pictures:
+        reporter.stage("plots and animation", 1)
+        figures = walk_files.draw_walks(folder.path, walks, walks)
+        reporter.advance("plots and animation")
+    result = summary(True)
+    if pictures:
+        walk_files.write_walk_report(folder.path, result, figures, design, walks)
     folder.close(result)
     return result
 

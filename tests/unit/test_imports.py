@@ -30,6 +30,8 @@ HOMES = {
     "skfem": ("solid/", "muscle/oxygen.py", "muscle/oxygen_depth.py", "muscle/oxygenation.py", "muscle/laplace.py"),
     "typer": ("cli.py", "options.py", "muscle_commands.py", "study_commands.py"),
     "rich": ("cli.py", "progress.py"),
+    "dask": ("study/sweep_cluster.py",),
+    "distributed": ("study/sweep_cluster.py",),
 }
 # a part of the package, and the parts that it must not know
 FORBIDDEN = {

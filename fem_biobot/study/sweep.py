@@ -1,0 +1,188 @@
+"""Sweeps: many designs, each done by the same job, by whatever workers there are; rows land as cases end.
+
+A case is finished when its row lies in the folder ``cases``. Finished cases are never done again, however the sweep
+ended, and also where its file has grown since; the table is made anew from the rows, so none is lost.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from fem_biobot.design import Design
+from fem_biobot.errors import DiskError, SolveError
+from fem_biobot.files import file_error, write_text
+from fem_biobot.study.finding import Finding, examine
+from fem_biobot.study.outputs import tables_folder, write_table
+from fem_biobot.study.reporter import Reporter, Silent
+from fem_biobot.study.sweep_case import CaseOrder, MeshOrder, failed_row, kept_row, needs_mesh
+from fem_biobot.study.sweep_file import Case, SweepPlan, Task
+from fem_biobot.study.sweep_findings import sweep_finding, sweep_rows
+from fem_biobot.study.sweep_runner import LocalRunner, Runner
+
+Rows = dict[str, dict[str, Any]]
+MakeRunner = Callable[[Path], Runner]
+
+
+def sweep(
+    plan: SweepPlan,
+    out: Path,
+    *,
+    runner: MakeRunner | None = None,
+    force: bool = False,
+    resume: bool = False,
+    reporter: Reporter | None = None,
+) -> dict[str, Any]:
+    """Do every case of a plan that is not finished yet and write the sweep's folder.
+
+    Parameters
+    ----------
+    plan
+        What to do.
+    out
+        Folder of the result: ``cases/<key>/`` for each case, ``tables/cases.csv`` with a row for each that ended.
+    runner
+        Makes who does the cases, given the absolute folder; by default a process for each processor of this machine.
+    force, resume
+        As in `study.run.run`; `force` forgets finished cases too.
+    reporter
+        Told of cases, with rate and time left.
+
+    Returns
+    -------
+    dict
+        The summary, as in `summary.json`.
+
+    Raises
+    ------
+    BiobotError
+        A folder that holds something else, a full disk.
+    SolveError
+        No case at all came to a result; the rows say why.
+    """
+    reporter = reporter or Silent()
+
+    def work(design: Design, figures: Path) -> Finding:
+        cases, meshes = _folders(out, force)
+        write_text(out / "sweep.toml", plan.text)
+        rows = _carry_out(plan, cases, meshes, runner or (lambda folder: LocalRunner()), reporter)
+        if not any(row["status"] == "done" for row in rows.values()):
+            reasons = dict.fromkeys(row["reason"] for row in rows.values())
+            raise SolveError(f"none of {len(plan.cases)} cases came to a result; the first: {next(iter(reasons), '')}")
+        return sweep_finding(plan, rows, figures)
+
+    identity = {"sweep": plan.digest}
+    return examine(
+        plan.base, out, "sweep", work, kind="study", identity=identity, force=force, resume=resume, reporter=reporter
+    )
+
+
+def _folders(out: Path, force: bool) -> tuple[Path, Path]:
+    """Folders of cases and meshes, absolute, emptied where all is to be done again."""
+    found = out.absolute() / "cases", out.absolute() / "meshes"
+    for folder in found:
+        try:
+            if force and folder.exists():
+                shutil.rmtree(folder)
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise file_error(error, folder) from None
+    return found
+
+
+def _carry_out(plan: SweepPlan, cases: Path, meshes: Path, make: MakeRunner, reporter: Reporter) -> Rows:
+    """Rows of all cases by key: those kept from before, and those that the runner brings."""
+    rows: Rows = {}
+    numbers: dict[str, int] = {}
+    waiting: deque[CaseOrder] = deque()
+    for case in plan.cases:
+        if case.key in numbers:  # the same design once more
+            continue
+        numbers[case.key] = case.number
+        row = _known(case, cases)
+        if row is not None:
+            rows[case.key] = row
+        elif case.design is not None:
+            waiting.append(CaseOrder(case.key, plan.task, case.design, cases, meshes))
+    before = sum(row["status"] == "done" for row in rows.values())
+    if before:
+        reporter.note(f"{before} of {len(numbers)} cases were finished before; they are not done again")
+    table = tables_folder(cases.parent) / "cases.csv"
+    write_table(table, sweep_rows(plan, rows))
+    if not waiting:
+        return rows
+    _compile(plan.task, plan.base, reporter)
+    runner = make(cases.parent)
+    try:
+        reporter.stage(f"{plan.task.value}, {runner.capacity} at a time", len(waiting))
+        for ended in _answers(runner, waiting):
+            for key, row in ended.items():
+                if row["status"] == "disk":
+                    raise DiskError(row["reason"])
+                rows[key] = row
+                if row["status"] == "failed":
+                    reporter.note(f"case {numbers[key]}: {row['reason']}")
+                reporter.advance(f"case {numbers[key]}")
+            if ended:
+                write_table(table, sweep_rows(plan, rows))
+    finally:
+        runner.close()
+    return rows
+
+
+def _answers(runner: Runner, waiting: deque[CaseOrder]) -> Any:
+    """Rows by key as cases end, some at a time. A mesh is asked for before the first case that needs it."""
+    tried: set[Path] = set()
+    asked: dict[str, Path] = {}
+    under_way = 0
+
+    def ready(order: CaseOrder) -> bool:
+        file = needs_mesh(order)
+        return file is None or file in tried or file.exists()
+
+    while waiting or under_way:
+        while under_way < runner.capacity:
+            order = next((o for o in waiting if ready(o)), None)
+            if order is not None:
+                waiting.remove(order)
+                runner.submit(order.key, order)
+                under_way += 1
+                continue
+            order = next((o for o in waiting if needs_mesh(o) not in asked.values()), None)
+            if order is None:
+                break
+            file = needs_mesh(order)
+            assert file is not None
+            asked[f"mesh_{file.stem}"] = file
+            runner.submit(f"mesh_{file.stem}", MeshOrder(order.design, order.meshes))
+            under_way += 1
+        ended: Rows = {}
+        for name, answer in runner.wait():
+            under_way -= 1
+            if name not in asked:
+                ended[name] = failed_row(name, answer) if isinstance(answer, str) else answer
+                continue
+            tried.add(asked[name])
+            if isinstance(answer, Mapping) and answer["status"] == "disk":
+                raise DiskError(answer["reason"])
+        yield ended
+
+
+def _known(case: Case, cases: Path) -> dict[str, Any] | None:
+    """What is known of a case without doing it: that there is no such design, or the row kept from before."""
+    return failed_row(case.key, case.refused) if case.design is None else kept_row(cases, case.key)
+
+
+def _compile(task: Task, design: Design, reporter: Reporter) -> None:
+    """Compile once, before workers that would all do it at the same time."""
+    if task is not Task.solve:
+        from fem_biobot.rod.compiling import compile_kernels as compile_rods
+
+        compile_rods(reporter)
+    if task is not Task.walk:
+        from fem_biobot.solid.compiling import compile_kernels as compile_solid
+
+        compile_solid(reporter, design.mesh.element)

@@ -1,5 +1,6 @@
 """Where numba keeps compiled kernels: next to the package, in the user's cache folder, or for want of both in a
-temporary folder. Imported before numba, which refuses to load where it finds no folder to write to.
+temporary folder. Imported before numba, which refuses to load where it finds no folder to write to. What was compiled
+is told by all its sources (`kernel_cache`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,14 @@ ALLOCATES: dict[str, Any] = {"_nrt": True}
 
 
 def ensure_cache_folder() -> None:
-    """Give numba a temporary folder where it has no writable one of its own."""
+    """Give numba a temporary folder where it has no writable one of its own, and our way to tell kernels apart."""
+    _choose_folder()
+    from fem_biobot.kernel_cache import install
+
+    install()
+
+
+def _choose_folder() -> None:
     if os.environ.get("NUMBA_CACHE_DIR"):
         return
     package = Path(__file__).resolve().parent

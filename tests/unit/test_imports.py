@@ -18,7 +18,7 @@ PACKAGE = ROOT / "fem_biobot"
 # where alone a package may be imported; a folder ends in a slash, a bare file name stands for files of that name
 HOMES = {
     "gmsh": ("mesh/geometry.py",),
-    "numba": ("kernels.py",),
+    "numba": ("kernels.py", "kernel_cache.py"),
     "pint": ("units.py",),
     "tomllib": ("config.py",),
     "meshio": ("mesh/files.py", "mesh/tagged.py", "vtk.py"),

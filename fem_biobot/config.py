@@ -18,7 +18,7 @@ from pydantic import BaseModel
 
 from fem_biobot.design import Design, Key, first_key, keys, section_type, sections, unknown_key
 from fem_biobot.design_checks import unused_keys
-from fem_biobot.design_parts import FILE_KEYS, OptionalText
+from fem_biobot.design_kinds import FILE_KEYS, OptionalText
 from fem_biobot.design_tissue import without_following
 from fem_biobot.errors import DesignError, FileError
 from fem_biobot.units import DIMENSIONS, format_quantity, one_line, parse_quantity, shown

@@ -18,19 +18,8 @@ from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_va
 from pydantic.fields import FieldInfo
 
 from fem_biobot.design_checks import check_fit
-from fem_biobot.design_parts import (
-    Drive,
-    Ground,
-    Kind,
-    Load,
-    MeshSettings,
-    Muscle,
-    Numerics,
-    Quantity,
-    Record,
-    Skeleton,
-    Walker,
-)
+from fem_biobot.design_kinds import Kind, Quantity
+from fem_biobot.design_parts import Drive, Ground, Load, MeshSettings, Muscle, Numerics, Record, Skeleton, Walker
 from fem_biobot.design_tissue import completed, without_following
 from fem_biobot.errors import DesignError
 from fem_biobot.units import expected_text, format_quantity, one_line, shown
@@ -187,9 +176,13 @@ class Design(Record, frozen=True):
         }
 
     def tension(self, drive: float) -> float:
-        """Nominal tension along the fibre at a drive between 0 (passive) and 1 [kPa]."""
+        """Nominal tension along the fibre at a drive between 0 (passive) and 1 [kPa].
+
+        Gamma scales both parts, or the active one alone where the standing tension is taken as that of all tissue.
+        """
         muscle = self._muscle("tension")
-        return muscle.gamma * (muscle.passive_tension + drive * muscle.active_tension)
+        standing = 1.0 if muscle.gamma_scales == "active" else muscle.gamma
+        return standing * muscle.passive_tension + muscle.gamma * drive * muscle.active_tension
 
 
 @dataclass(frozen=True)

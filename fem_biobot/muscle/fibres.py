@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.design import Design
-from fem_biobot.design_parts import FILE_KEYS
+from fem_biobot.design_kinds import FILE_KEYS
 from fem_biobot.errors import DesignError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.blocks import in_junction, junction_blocks, junction_direction

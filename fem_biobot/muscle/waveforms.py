@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-from fem_biobot.design_parts import DRIVE_NEEDS as NEEDS
+from fem_biobot.design_kinds import DRIVE_NEEDS as NEEDS
 from fem_biobot.design_parts import Drive
 from fem_biobot.errors import DesignError
 from fem_biobot.muscle.drive import PAPER_ACTIVE_FORCE, paper_active_force

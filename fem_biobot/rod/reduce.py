@@ -343,6 +343,9 @@ def _muscles(
         y = s.pillar_width / 2 + m.ring_thickness / 2
         lines, area = [(side, end) for side in (-y, y) for end in ends], m.ring_thickness * m.ring_height
     curve = None if m.force_length == "none" else force_length_curve(m.force_length, m.optimal_stretch or 1.0)
+    gamma, active = viable_gamma(design), m.active_tension
+    if m.gamma_scales == "active":
+        gamma, active = 1.0, gamma * active
     return [
         Muscle(
             (a, (xa, y, z)),
@@ -350,8 +353,8 @@ def _muscles(
             area,
             m.material.young,
             m.passive_tension,
-            m.active_tension,
-            viable_gamma(design),
+            active,
+            gamma,
             m.theta,
             viscosity=m.material.young * design.numerics.damping_time,
             name=name,

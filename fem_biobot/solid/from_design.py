@@ -6,7 +6,8 @@ import numpy as np
 
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
-from fem_biobot.design_parts import LAW_PARAMETERS, Material
+from fem_biobot.design_kinds import LAW_PARAMETERS
+from fem_biobot.design_parts import Material
 from fem_biobot.errors import DesignError, MeshError
 from fem_biobot.material.active import ActiveStress
 from fem_biobot.material.dispersion import Dispersion

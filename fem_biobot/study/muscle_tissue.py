@@ -76,6 +76,7 @@ def tissue_finding(design: Design, figures: Path) -> Finding:
     muscle = design.muscle
     assert muscle is not None
     chi, gamma = mean_sine(muscle.theta, muscle.spread, muscle.spread_kind), viable_gamma(design)
+    standing = 1.0 if muscle.gamma_scales == "active" else gamma
     section = design.junction_section
     tissue = muscle.tissue
     numbers: dict[str, Any] = {
@@ -90,7 +91,7 @@ def tissue_finding(design: Design, figures: Path) -> Finding:
         "active_tension_kPa": muscle.active_tension,
         "mean_sine_1": chi,
         "gamma_1": gamma,
-        "eq1_passive_mN": gamma * muscle.passive_tension * section * chi,
+        "eq1_passive_mN": standing * muscle.passive_tension * section * chi,
         "eq1_active_mN": gamma * muscle.active_tension * section * chi,
     }
     words = {

@@ -20,7 +20,7 @@ import numpy as np
 import fem_biobot
 from fem_biobot.config import digest, load_design, presets, read_table
 from fem_biobot.design import Design, Key, keys, unknown_key
-from fem_biobot.design_parts import FILE_KEYS
+from fem_biobot.design_kinds import FILE_KEYS
 from fem_biobot.errors import BiobotError, DesignError
 from fem_biobot.units import format_quantity, parse_quantity, shown
 

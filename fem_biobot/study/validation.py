@@ -142,7 +142,7 @@ def _forces(design: Design, solid: Sequence[Observed], rods: Sequence[Observed])
             PASSIVE_FORCE,
             inferred(solid, passive),
             inferred(rods, passive),
-            muscle.passive_tension * section * factor,
+            design.tension(0.0) * section * float(np.sin(muscle.theta)),
             why=f"inferred by Eq. 3 from the sagitta; equations: Eq. 1; {tension_of_day}",
         )
     ]

@@ -13,6 +13,7 @@ from fem_biobot.design import Design, Key, keys, sections, unknown_key
 from fem_biobot.design_checks import needed_keys, unused_keys
 from fem_biobot.design_parts import Muscle, Skeleton
 from fem_biobot.errors import DesignError
+from fem_biobot.rod.reduce import reduce
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +78,22 @@ def test_tension_scales_both_parts_by_gamma(bot: Design) -> None:
     weaker = bot.with_values({"muscle.gamma": 0.7})
     assert weaker.tension(0.0) == pytest.approx(0.7 * 9.09, rel=1e-15)
     assert weaker.tension(0.4) == pytest.approx(0.7 * (9.09 + 0.4 * 1.30), rel=1e-15)
+
+
+def test_gamma_may_scale_the_active_part_alone(bot: Design) -> None:
+    """T = passive + gamma drive active where the standing tension is that of all tissue; the rods pull with the same.
+
+    Catches: an option that is read and not used, by either model.
+    """
+    weaker = bot.with_values({"muscle.gamma": 0.7, "muscle.gamma_scales": "active"})
+    assert weaker.tension(0.0) == pytest.approx(9.09, rel=1e-15)
+    assert weaker.tension(0.4) == pytest.approx(9.09 + 0.7 * 0.4 * 1.30, rel=1e-15)
+    rods = reduce(weaker)
+    for drive in (0.0, 0.7):
+        assert rods.pull(drive).sum() == pytest.approx(weaker.tension(drive) * weaker.junction_section, rel=1e-14)
+    oxygen = ["muscle.gamma_scales = active", "muscle.oxygen.tension = section"]
+    with pytest.raises(DesignError, match=r'muscle\.gamma_scales: found "active" together with muscle\.oxygen'):
+        load_design("junction_bot", oxygen)
 
 
 def test_pillars_stand_equally_spaced_with_heights_in_line(bot: Design) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from fem_biobot.config import digest, load_design, to_toml
 from fem_biobot.design import keys
-from fem_biobot.design_parts import FIBRE_LAWS, LAW_PARAMETERS
+from fem_biobot.design_kinds import FIBRE_LAWS, LAW_PARAMETERS
 from fem_biobot.errors import DesignError, ModelError
 from fem_biobot.material import LAWS, Convention, Density, Dispersion, force_length, law_from
 from fem_biobot.material.dispersion import RANDOM_SPREAD

@@ -12,11 +12,12 @@ import numpy as np
 
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, ModelError
+from fem_biobot.link.at_load import LoadedRods, parts_of
 from fem_biobot.link.expected import Expectation, Interval, expect
 from fem_biobot.link.modes import Pair, paired, seen_positions
 from fem_biobot.link.observed import Array, Observed
 from fem_biobot.link.rod_side import RodSide
-from fem_biobot.link.sections import MeshSections, sections_from_mesh, with_sections
+from fem_biobot.link.sections import MeshSections, with_sections
 from fem_biobot.link.shapes import rod_outline, solid_outline
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.body import BodyMesh
@@ -42,16 +43,22 @@ LARGEST_EXPECTED = 0.3
 
 
 class Stiffness(StrEnum):
-    """Where the rods' section constants come from.
+    """Where the rods' constants come from; each takes more from the mesh than the one before.
 
     closed_form
-        Section and modulus of the beam, as `reduce` has them.
+        Section and modulus of the beam, a muscle between two points, as `reduce` has them.
+    mesh_beam
+        Beam by unit loads on the skeleton, see `link.sections`.
     mesh
-        Unit loads on the solid's skeleton, see `link.sections`.
+        Junction too, a clamped rod by unit loads on the muscle, see `link.strip`, and masses, see `link.masses`.
+    mesh_at_load
+        The same parts by loads as large as the machine's, see `link.at_load`.
     """
 
     closed_form = "closed_form"
+    mesh_beam = "mesh_beam"
     mesh = "mesh"
+    mesh_at_load = "mesh_at_load"
 
 
 @dataclass(frozen=True)
@@ -193,8 +200,8 @@ def crosscheck(
 
     Notes
     -----
-    Both float, without weight. The rods get no number of the solid; with `Stiffness.mesh` their beam has the section
-    constants that unit loads on the skeleton's mesh give, and nothing else changes.
+    Both float, without weight. The rods get no number of the solid machine; beyond closed forms they take constants
+    that loads on its parts alone give, see `Stiffness`.
     """
     reporter = reporter or Silent()
     factor = PlateFactor(plate_factor)
@@ -212,12 +219,15 @@ def crosscheck(
     if mesh is None:
         mesh, more = mesh_for(design)
         notes += more
-    sides: dict[Stiffness, RodSide] = {}
-    reporter.stage("sections from the mesh", 1)
-    sections = sections_from_mesh(design, mesh)
-    reporter.advance("unit loads")
-    sides[Stiffness.closed_form] = RodSide(design, rods)
-    sides[Stiffness.mesh] = RodSide(design, with_sections(rods, sections))
+    reporter.stage("parts of the mesh under loads", 3)
+    plain = RodSide(design, rods).states(levels, Silent())
+    parts = parts_of(design, mesh, rods, plain, reporter)
+    sides: dict[Stiffness, RodSide | LoadedRods] = {
+        Stiffness.closed_form: RodSide(design, rods),
+        Stiffness.mesh_beam: RodSide(design, with_sections(rods, parts.sections)),
+        Stiffness.mesh: parts.side(),
+        Stiffness.mesh_at_load: parts,
+    }
     solid = SolidSide(design, mesh)
     reporter.stage("solid and rods at the same tensions", len(levels) + len(sides))
     observed, states = solid.states(levels, reporter)
@@ -230,23 +240,25 @@ def crosscheck(
     moving = solid.motions(states[common], at, MODES)
     reporter.advance("solid")
     pairs: dict[Stiffness, tuple[Pair, ...]] = {}
-    for name, side in sides.items():
-        pairs[name] = tuple(paired(moving, side.motions(by_rods[name][1][common], at, 2 * MODES), MODES))
+    for name, (_, found) in by_rods.items():
+        motions = RodSide(design, found[common].model).motions(found[common], at, 2 * MODES)
+        pairs[name] = tuple(paired(moving, motions, MODES))
         reporter.advance(f"rods, {name.replace('_', ' ')}")
-    plain = Stiffness.closed_form
+    shown = [(i, name) for i in sorted({common, min(len(states), *(len(f) for _, f in by_rods.values())) - 1})
+             for name in (Stiffness.closed_form, Stiffness.mesh_at_load)]  # fmt: skip
     outlines = {
-        f"{levels[i]:.3g} kPa": (
+        f"{levels[i]:.3g} kPa, rods {'in closed form' if name is Stiffness.closed_form else 'from the mesh'}": (
             solid_outline(solid, states[i]),
-            rod_outline(sides[plain], design, by_rods[plain][1][i]),
+            rod_outline(RodSide(design, by_rods[name][1][i].model), design, by_rods[name][1][i]),
         )
-        for i in sorted({common, min(len(states), len(by_rods[plain][1])) - 1})
+        for i, name in shown
     }
     return CrossCheck(
         design,
         expectation,
         tuple(observed),
         {name: tuple(found) for name, (found, _) in by_rods.items()},
-        sections,
+        parts.sections,
         pairs,
         {"elements_1": mesh.n_elements, "unknowns_1": solid.model.n_dofs},
         outlines,

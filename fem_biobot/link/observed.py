@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fem_biobot.design import Design
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 _ELEMENTS = 16  # stretches of beam between stations
 _INSIDE = 0.45  # of the thickness, above and below the axis, where the turn of a section is read
 

@@ -15,7 +15,7 @@ from fem_biobot.link.observed import Array, Observed, Points, drawn_points, obse
 from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.modes import modes
-from fem_biobot.rod.records import Gravity, Place
+from fem_biobot.rod.records import Gravity, Muscle, Place
 from fem_biobot.rod.statics import RodSolution, RodStep, statics
 from fem_biobot.study.reporter import Reporter
 
@@ -34,6 +34,8 @@ class RodSide:
     def model(self) -> RodModel:
         """What is solved."""
         m = self.given
+        if not any(isinstance(load, Gravity) for load in m.loads):
+            return m
         loads = [load for load in m.loads if not isinstance(load, Gravity)]
         parts = (m.rods, m.joints, m.bodies, m.supports, loads, m.members, m.contacts)
         return RodModel(*parts, landmarks=m.landmarks)
@@ -75,18 +77,35 @@ class RodSide:
         drawn = drawn_points(self.design)
         arm = points.axis[len(points.axis) // 2] - points.axis[0]
         apart, apart0 = points.soles[1] - points.soles[0], drawn.soles[1] - drawn.soles[0]
-        chains = anatomy(self.model).chains
-        names = [str(getattr(self.model.members[chain[len(chain) // 2]], "name", "")) for chain in chains]
         return observed(
             self.design,
             tension,
             points,
-            muscle_force_mN=sum(state.muscle_force(name) for name in names),
+            muscle_force_mN=sum(force for force, _ in self._muscles(state)),
             tip_closing_mm=float(apart0[0] - apart @ chord),
             sagitta_mm=float(np.linalg.norm(arm - (arm @ chord) * chord)),
             strain_energy_uJ=state.energy,
-            fibre_stretch_1=state.stretch(names[0]),
+            fibre_stretch_1=self._muscles(state)[0][1],
         )
+
+    def _muscles(self, state: RodState) -> list[tuple[float, float]]:
+        """Tensile force [mN] and stretch [1] in the middle of each muscle, of its members and of a rod along them."""
+        found = []
+        for chain in anatomy(self.model).chains:
+            member = self.model.members[chain[len(chain) // 2]]
+            assert isinstance(member, Muscle)
+            drawn = np.linalg.norm(self.model.atlas.parse(member.b)[1] - self.model.atlas.parse(member.a)[1])
+            force = state.muscle_force(member.name)
+            if isinstance(member.a[1], int) and member.a[0] in {rod.name for rod in self.model.rods}:
+                force += float(state.resultants(member.a[0])[0][member.a[1], 2])
+            found.append((force, state.muscle_length(member.name) / float(drawn)))
+        return found
+
+    def tension_length(self, state: RodState) -> float:
+        """Length of the members by what they pull with under unit tension [uJ/kPa]: its loss is the tension's work."""
+        unit = self.design.tension(1.0)
+        members = [m for m in self.model.members if isinstance(m, Muscle)]
+        return sum(m.isometric(1.0) / unit * state.muscle_length(m.name) for m in members)
 
     def motions(self, state: RodState, at: Array, count: int) -> Motions:
         """Slowest free motions about a state, seen at drawn positions (p, 3) [mm] of pillars or of the beam's nodes."""

@@ -1,44 +1,53 @@
-"""Section constants of the beam as the solid's mesh has them: unit loads on the skeleton, one pillar held.
+"""Section constants of the beam as the solid's mesh has them: loads on the skeleton alone, where the muscle is bonded.
 
-The long pillar's sole is loaded by a unit couple about y and by unit forces along x, y and z while the short pillar's
-is held. Between rigid pillars and a beam of length L on an axis H above the loaded sole
+Opposite wrenches on the two bonds, small, each about the middle of the beam's axis, give the flexibility of what lies
+between them, (6, 6): how far the bonds move against each other, in the sense of the work that the wrench does. Of a
+beam of length L with even ends
 
-* a couple about y bends the beam evenly. The turn of its sections from station to station gives ``E I`` along the span;
-  what the pillars turn beyond the sections at its ends counts as the outermost stretches'
-* a force along x makes the axis longer by ``F L / (E A)``
-* a force along y twists it by ``F H``: the pillar turns about x by ``F H L / (G J)``, and about z, with the moment
-  ``F (e + L - s)`` along the beam, by ``F (e L + L^2 / 2) / (E I_2)``; `e` leads from the beam's end to the middle of
-  the sole
-* a force along z shears it: the end of the axis moves by ``F L / (k G A)`` beyond what its own turn gives by bending
+* stretch ``L / (E A)``, twist ``L / (G J)``, bending across ``L / (E I_2)``
+* shear across ``L^3 / (12 E I_2) + L / (k G A)``, shear upright ``sum x^2 / (E I) dx + L / (k G A)``
 
-so all yield of corners and pillars is counted as the beam's, which is what a model with rigid pillars needs.
+and a pair of forces that pulls the bonds together at the junction's height, as the muscle does, bends each stretch of
+the beam by its own curvature: ``E I`` along the span is the moment there over that. What the bonds turn beyond the
+sections at the span's ends counts as the outermost stretches', so all yield of corners and pillars is the beam's, which
+is what a model with rigid pillars needs. The same pair of forces, no longer small, gives the moment of each stretch by
+its curvature: gel is not linear, corners and a plate that curves sideways are stiffer the more they are bent.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
 from fem_biobot.link.observed import Array, Points, drawn_points, stations
+from fem_biobot.link.parts import balanced, part_of
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.rod.model import RodModel
+from fem_biobot.rod.records import Rod
 from fem_biobot.rod.section import RodMaterial, Section
-from fem_biobot.solid.from_design import law_of
+from fem_biobot.solid.from_design import law_of, supports
 from fem_biobot.solid.model import SolidModel, SolidState, solve
-from fem_biobot.solid.records import Fix, Step, Traction
+from fem_biobot.solid.records import Step
 
-# of the load that would turn the pillar by a radian: strains stay small, and rounding far
+# of the moment that would turn the pillar by a radian: strains stay small, and rounding far
 _SMALL = 1e-5
+# the beam's shear stiffness over its closed form is not taken above this: corners that shear and turn at once leave
+# nothing, or less, of the antisymmetric flexibility for the beam's own shear
+_STIFFEST_SHEAR = 10.0
+_CASES = ("x", "y", "z", "turn_x", "turn_y", "turn_z")
+_PULL = "pull"
 
 
 @dataclass(frozen=True)
 class Stiffnesses:
     """Section stiffnesses of the beam: bending in the machine's plane and across it, torsion, stretch, shear.
 
-    In mN mm^2 the first three, in mN the last two.
+    In mN mm^2 the first three, in mN the last three; `GA` upright, `GA_lateral` across.
 
     `EI` is that of an even beam of the same turn of the pillars, `EI_along` that of each stretch, (m,).
     """
@@ -48,101 +57,137 @@ class Stiffnesses:
     GJ: float
     EA: float
     GA: float
+    GA_lateral: float
     EI_along: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class MeshSections:
-    """Section stiffnesses from the mesh, and the closed forms beside them."""
+    """Section stiffnesses from the mesh, and the closed forms beside them.
+
+    Attributes
+    ----------
+    mesh, closed_form
+        By unit loads, and of a rectangle.
+    curvatures, moments
+        Of each stretch in a pull of rising force, zero first, (p, m) [1/mm], [uJ].
+    """
 
     mesh: Stiffnesses
     closed_form: Stiffnesses
+    curvatures: Array
+    moments: Array
+
+    def bent(self, curvature: Array) -> tuple[Array, Array]:
+        """Moment of each stretch (m,) [uJ] and its derivative (m,) [mN mm^2] at a curvature of each, (m,) [1/mm].
+
+        Beyond the last pull along its tangent.
+        """
+        pairs = [_curve(k, M, at) for k, M, at in zip(self.curvatures.T, self.moments.T, curvature, strict=True)]
+        moment, slope = np.array(pairs).T
+        return moment, slope
+
+
+def _curve(curvatures: Array, moments: Array, at: float) -> tuple[float, float]:
+    size, last = abs(at), float(curvatures[-1])
+    found = PchipInterpolator(curvatures, moments)
+    slope = float(found(min(size, last), 1))
+    return float(np.sign(at)) * (float(found(min(size, last))) + slope * max(size - last, 0.0)), slope
 
 
 def closed_forms(design: Design) -> Stiffnesses:
-    """Of a rectangle: ``E I``, ``E I_2``, Saint-Venant's ``G J``, ``E A``, ``5/6 G A`` (Cowper's for nu = 0)."""
+    """Of a rectangle: ``E I``, ``E I_2``, Saint-Venant's ``G J``, ``E A``, Cowper's ``k G A``."""
     s = design.value("skeleton")
     section = Section.rectangle(s.beam_width, s.beam_thickness, poisson=s.material.poisson)
     E, G = s.material.young, s.material.young / (2.0 * (1.0 + s.material.poisson))
-    # directors: the first along y, so that I1 resists bending in the plane of the machine
     bending, lateral = sorted((section.I1, section.I2))
-    factor = section.shear_factors[0 if section.I1 > section.I2 else 1]
+    shear = section.shear_factors[0] * G * section.area
     along = (E * bending,) * (len(stations(design)) - 1)
-    return Stiffnesses(E * bending, E * lateral, G * section.J, E * section.area, factor * G * section.area, along)
+    return Stiffnesses(E * bending, E * lateral, G * section.J, E * section.area, shear, shear, along)
 
 
-def skeleton_of(mesh: BodyMesh) -> BodyMesh:
-    """The skeleton's elements alone, with the vertices and the surfaces that they have."""
-    keep = mesh.regions["skeleton"]
-    cells = mesh.cells[:, keep]
-    used = np.unique(cells)
-    number = np.full(mesh.points.shape[1], -1, dtype=np.int64)
-    number[used] = np.arange(len(used))
-    faces = {name: number[f[:, (number[f] >= 0).all(axis=0)]] for name, f in mesh.surfaces.items()}
-    soles = {name: faces[name] for name in ("foot_short", "foot_long")}
-    return BodyMesh(mesh.points[:, used], number[cells], {"skeleton": np.arange(cells.shape[1])}, soles)
+def sections_from_mesh(design: Design, mesh: BodyMesh, forces: Sequence[float] = ()) -> MeshSections:
+    """Stiffnesses of the beam between two pillars by loads on the skeleton of a mesh.
 
-
-def sections_from_mesh(design: Design, mesh: BodyMesh) -> MeshSections:
-    """Stiffnesses of the beam between two pillars by unit loads on the skeleton of a mesh.
+    Parameters
+    ----------
+    design, mesh
+        A bot of two pillars, and its mesh.
+    forces
+        Of the pull beyond the small one, rising [mN].
 
     Raises
     ------
+    MeshError
+        A mesh in which skeleton and muscle do not meet.
     SolveError
-        Never in practice: loads are small.
+        A pull that finds no equilibrium.
     """
-    body = skeleton_of(mesh)
-    s = design.value("skeleton")
-    law = law_of(s.material)
-    known = closed_forms(design)
-    H, L, e = design.pillars[-1][1], design.span, s.pillar_length / 2
-    force = _SMALL * known.EI / (H * L)
-    corners = body.points[:, body.surfaces["foot_long"]]
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0), axis=0)
-    couple, slope = force * H, force * H / _second_moment(corners[0] - design.pillars[-1][0], area)
-
-    def linear(X: Array) -> Array:
-        """Along z, in proportion to the distance from the sole's middle."""
-        return np.array([0.0 * X[0], 0.0 * X[0], slope * (X[0] - design.pillars[-1][0])])
-
-    pull = force / float(area.sum())
-    loads = [
-        Traction("foot_long", linear, name="couple"),
-        Traction("foot_long", (pull, 0.0, 0.0), name="x"),
-        Traction("foot_long", (0.0, pull, 0.0), name="y"),
-        Traction("foot_long", (0.0, 0.0, pull), name="z"),
-    ]
+    body, known, L = part_of(mesh, "skeleton"), closed_forms(design), design.span
+    middle, arm = np.array([0.0, 0.0, design.beam_axis_height]), design.moment_arm
+    couple = _SMALL * known.EI / L
+    unit, none = np.eye(3), np.zeros(3)
+    loads = []
+    for k, name in enumerate(_CASES):
+        force, moment = (couple / L * unit[k], none) if k < 3 else (none, couple * unit[k - 3])
+        loads += balanced(body, name, force, moment, middle)
+    loads += balanced(body, _PULL, -unit[0], arm * unit[1], middle)
     # one model, so that what it is solved with is analysed once; each state has one of the loads alone
-    model = SolidModel(body, {"skeleton": law}, {}, [Fix("foot_short")], loads, element=design.mesh.element)
-    found = solve(model, [Step(load=0.0, tension=0.0, loads={load.name: 1.0}) for load in loads])
-    bending, along_x, along_y, along_z = found.states
-    points = _points(design, bending)
-    inward = points.pillar_turns
-    # of the pillar on the left, the sections, and the pillar on the right, from x towards z
-    turned = np.array([inward[0], *points.turns, -inward[1]])
-    bent = (turned[1:] - turned[:-1]) / couple
-    longer = float(np.diff(_points(design, along_x).axis[[0, -1], 0])[0] - L) / force
-    about_y = _turn_of_sole(along_z)[1] / force
-    twist, _, aside = _turn_of_sole(along_y) / force
-    fall = float(along_z.at((L / 2, 0.0, design.beam_axis_height))[2]) / force
-    stretches = np.concatenate([[bent[0] + bent[1]], bent[2:-2], [bent[-2] + bent[-1]]])
+    law = law_of(design.value("skeleton.material"))
+    model = SolidModel(body, {"skeleton": law}, {}, supports(design, body), loads, element=design.mesh.element)
+    steps = [Step(load=0.0, tension=0.0, loads={name: 1.0}) for name in _CASES]
+    small = couple / (arm * L)
+    pulls = [small, *forces]
+    found = solve(model, [*steps, *(Step(load=0.0, tension=0.0, loads={_PULL: F}) for F in pulls)])
+    C = _flexibility(model, found.states[:6], couple, L)
+    bent = [_bent(design, state, F) for state, F in zip(found.states[6:], pulls, strict=True)]
+    along = bent[0][1] / bent[0][0]
+    compliance = np.diff(stations(design)) / along
+    middles = 0.5 * (stations(design)[1:] + stations(design)[:-1])
+    upright = C[2, 2] - float(compliance @ (middles**2 + np.diff(stations(design)) ** 2 / 12.0))
+    lateral = L / C[5, 5]
+    across = C[1, 1] - L**3 / (12.0 * lateral)
+    least = L / (_STIFFEST_SHEAR * known.GA)
+    stiffnesses = Stiffnesses(
+        L / float(compliance.sum()),
+        lateral,
+        L / C[3, 3],
+        L / C[0, 0],
+        L / max(upright, least),
+        L / max(across, least),
+        tuple(float(v) for v in along),
+    )
+    flat = np.zeros((1, len(along)))
+    curvatures, moments = (np.concatenate([flat, [pair[k] for pair in bent]]) for k in (0, 1))
+    return MeshSections(stiffnesses, known, curvatures, moments)
+
+
+def _flexibility(model: SolidModel, states: Sequence[SolidState], couple: float, length: float) -> Array:
+    """Motion of the long bond against the short one by a unit wrench on them, (6, 6) [mm/mN, 1/mN, 1/uJ]."""
+    force = {name: sum(f for n, f in model.system.dead_loads if n == name) for name in _CASES}
+    size = np.array([couple / length] * 3 + [couple] * 3)
+    work = np.array([[np.sum(force[name] * state.u.T) for state in states] for name in _CASES])
+    return work / np.outer(size, size)
+
+
+def _bent(design: Design, state: SolidState, force: float) -> tuple[Array, Array]:
+    """Curvature (m,) [1/mm] and moment (m,) [uJ] of each stretch of a beam whose bonds are pulled together."""
+    points = _points(design, state).level()
     size = np.diff(stations(design))
-    along = size / np.abs(stretches)
-    EI = L / abs(float(bent.sum()))
-    lateral = (e * L + L**2 / 2.0) / abs(aside)
-    # the end's fall by bending alone, of the stiffness that its own turn shows under this load
-    own = (e * L + L**2 / 2.0) / abs(about_y)
-    sheared = abs(fall) - (e * L**2 / 2.0 + L**3 / 3.0) / own
-    # a mesh so coarse that the difference of the two is none tells no shear stiffness: the closed form stays
-    GA = L / sheared if sheared > 0.0 else known.GA
-    stiffnesses = Stiffnesses(EI, lateral, H * L / abs(twist), L / abs(longer), GA, tuple(float(v) for v in along))
-    return MeshSections(stiffnesses, known)
-
-
-def _second_moment(x: Array, area: Array) -> float:
-    """Of triangles with corners at `x` (3, f) [mm] and areas (f,) [mm^2], about x = 0 [mm^4]."""
-    products = x[0] ** 2 + x[1] ** 2 + x[2] ** 2 + x[0] * x[1] + x[0] * x[2] + x[1] * x[2]
-    return float(area @ products) / 6.0
+    curvature = -np.diff(points.turns) / size
+    # what the pillars turn beyond the sections at the ends of the span
+    beyond = points.pillar_turns - points.turns[[0, -1]] * np.array([1.0, -1.0])
+    curvature[[0, -1]] += beyond / size[[0, -1]]
+    loads = sum(f for n, f in state.model.system.dead_loads if n == _PULL)
+    long = state.X[0] > 0.0
+    x = (state.X + state.u)[:, long]
+    raw = _points(design, state).axis
+    axis = raw[len(raw) // 2]
+    # both forces stay parallel to x, and so does the line through the middle of the axis, to the tilt of the whole
+    middle = np.cross(x.T - axis, force * np.asarray(loads)[long]).sum(axis=0)[1]
+    heights = points.axis[:, 2]
+    below = heights[len(heights) // 2] - 0.5 * (heights[1:] + heights[:-1])
+    return curvature, middle - force * below
 
 
 def _points(design: Design, state: SolidState) -> Points:
@@ -155,31 +200,38 @@ def _points(design: Design, state: SolidState) -> Points:
     return Points(*moved)
 
 
-def _turn_of_sole(state: SolidState) -> Array:
-    """Small turn (3,) [rad] of the long pillar's sole: of the motion of its vertices that fits best."""
-    mesh = state.model.mesh
-    nodes = np.unique(mesh.surfaces["foot_long"])
-    X, u = mesh.points[:, nodes], state.u[:, nodes]
-    arm, moved = X - X.mean(axis=1, keepdims=True), u - u.mean(axis=1, keepdims=True)
-    # least squares of moved = turn x arm
-    moments = np.einsum("in,in->", arm, arm) * np.eye(3) - arm @ arm.T
-    return np.asarray(np.linalg.solve(moments, np.cross(arm, moved, axis=0).sum(axis=1)), dtype=float)
+def with_sections(model: RodModel, found: MeshSections, *, curvature: Array | None = None) -> RodModel:
+    """A reduced model whose beam has the stiffnesses from the mesh; masses stay.
 
-
-def with_sections(model: RodModel, found: MeshSections) -> RodModel:
-    """A reduced model whose beam has the stiffnesses from the mesh; masses stay."""
-    rods = []
-    for rod in model.rods:
-        count = len(rod.points) - 1
-        each = [rod.section] * count if isinstance(rod.section, Section) else list(rod.section)
-        if count != len(found.mesh.EI_along):
-            raise ModelError(f"{rod.name}: found {count} elements, expected {len(found.mesh.EI_along)}, as stretches")
-        changed = [
-            _with(section, rod.material, found.mesh, EI) for section, EI in zip(each, found.mesh.EI_along, strict=True)
-        ]
-        rods.append(replace(rod, section=changed))
+    Parameters
+    ----------
+    model
+        From `reduce`, with as many elements in the beam as there are stretches.
+    found
+        From the mesh.
+    curvature
+        Of each stretch, about which its bending is taken instead of about none, (m,) [1/mm].
+    """
+    rods = [_changed(rod, found, curvature) for rod in model.rods]
     parts = (model.joints, model.bodies, model.supports, model.loads, model.members, model.contacts)
     return RodModel(rods, *parts, model.damping_time, model.touches, model.landmarks)
+
+
+def _changed(rod: Rod, found: MeshSections, curvature: Array | None) -> Rod:
+    count = len(rod.points) - 1
+    if count != len(found.mesh.EI_along):
+        raise ModelError(f"{rod.name}: found {count} elements, expected {len(found.mesh.EI_along)}, as stretches")
+    each = [rod.section] * count if isinstance(rod.section, Section) else list(rod.section)
+    stiffness, natural = np.array(found.mesh.EI_along), np.zeros(count)
+    if curvature is not None:
+        moment, stiffness = found.bent(curvature)
+        natural = curvature - moment / stiffness
+    sections = [_with(s, rod.material, found.mesh, EI) for s, EI in zip(each, stiffness, strict=True)]
+    if curvature is None:
+        return replace(rod, section=sections)
+    # arching up is a turn about y; the first director lies along y, or against it
+    sense = float(np.sign(np.array(rod.normal or (0.0, 1.0, 0.0))[1]))
+    return replace(rod, section=sections, natural_curvature=np.outer(natural, [sense, 0.0, 0.0]))
 
 
 def _with(section: Section, material: RodMaterial, found: Stiffnesses, EI: float) -> Section:
@@ -187,7 +239,13 @@ def _with(section: Section, material: RodMaterial, found: Stiffnesses, EI: float
     E, G = material.young, material.G
     upright = section.I1 < section.I2  # the first director lies across the machine
     one, two = (EI, found.EI_lateral) if upright else (found.EI_lateral, EI)
-    factor, other = found.GA / (G * section.area), section.shear_factors
-    factors = (other[0], factor) if upright else (factor, other[1])
+    factors = (found.GA_lateral / (G * section.area), found.GA / (G * section.area))
     stretch = found.EA / (E * section.area)
-    return replace(section, I1=one / E, I2=two / E, J=found.GJ / G, shear_factors=factors, stretch_factor=stretch)
+    return replace(
+        section,
+        I1=one / E,
+        I2=two / E,
+        J=found.GJ / G,
+        shear_factors=factors if upright else factors[::-1],
+        stretch_factor=stretch,
+    )

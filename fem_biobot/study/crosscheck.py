@@ -32,7 +32,14 @@ _WORDS = {
     "fibre_stretch_1": "fibre stretch [1]",
     "stroke_mm": "stroke [mm]",
 }
-_MODELS = {Stiffness.closed_form: "rods", Stiffness.mesh: "rods, sections from the mesh"}
+_MODELS = {
+    Stiffness.closed_form: "rods",
+    Stiffness.mesh_beam: "rods, beam from the mesh",
+    Stiffness.mesh: "rods, parts from the mesh",
+    Stiffness.mesh_at_load: "rods, parts from the mesh at load",
+}
+# what is drawn beside the solid
+_DRAWN = (Stiffness.closed_form, Stiffness.mesh_at_load)
 
 
 def crosscheck_finding(
@@ -44,7 +51,7 @@ def crosscheck_finding(
     plain = rows[Stiffness.closed_form]
     judged = [row for row in plain if row.within is not None]
     outside = [row for row in judged if not row.within]
-    tables = [_closest(rows, found), _modes(found), _sections(found), _causes(found)]
+    tables = [_closest(rows, found), _ingredients(rows), _modes(found), _sections(found), _causes(found)]
     remarks = []
     if judged:
         remarks.append(f"{len(judged) - len(outside)} of {len(judged)} differences lie where they were expected")
@@ -111,6 +118,7 @@ def _stiffnesses(found: Stiffnesses) -> dict[str, float]:
         "GJ_mN_mm2": found.GJ,
         "EA_mN": found.EA,
         "GA_mN": found.GA,
+        "GA_lateral_mN": found.GA_lateral,
     }
 
 
@@ -122,7 +130,7 @@ def _closest(rows: dict[Stiffness, list[Row]], found: CrossCheck) -> Table:
     """Both models at the lowest tension, at the highest, and the stroke."""
     tensions = sorted({row.tension for row in rows[Stiffness.closed_form]})
     shown = (tensions[0], tensions[-1])
-    other = {(row.tension, row.quantity): row for row in rows[Stiffness.mesh]}
+    other = {(row.tension, row.quantity): row for row in rows[Stiffness.mesh_at_load]}
     lines = []
     for row in rows[Stiffness.closed_form]:
         if row.tension not in shown:
@@ -148,9 +156,21 @@ def _closest(rows: dict[Stiffness, list[Row]], found: CrossCheck) -> Table:
         "solid/rods - 1",
         "expected",
         "within",
-        "sections from mesh",
+        "parts from the mesh",
     )
     return Table(f"Solid and rods, {found.mesh['unknowns_1']} unknowns", header, tuple(lines))
+
+
+def _ingredients(rows: dict[Stiffness, list[Row]]) -> Table:
+    """The largest difference over all tensions that each source of the rods' constants leaves, by quantity."""
+    lines = []
+    for name, label in _MODELS.items():
+        cells = []
+        for quantity in _WORDS:
+            apart = [row.difference for row in rows[name] if row.quantity == quantity]
+            cells.append(f"{100.0 * max(apart, key=abs):+.1f} %" if apart else "")
+        lines.append((label, *cells))
+    return Table("Largest difference that is left", ("solid beside", *_WORDS.values()), tuple(lines))
 
 
 def _modes(found: CrossCheck) -> Table:
@@ -172,6 +192,7 @@ def _sections(found: CrossCheck) -> Table:
         "GJ_mN_mm2": "G J [mN mm^2]",
         "EA_mN": "E A [mN]",
         "GA_mN": "k G A [mN]",
+        "GA_lateral_mN": "k G A across [mN]",
     }
     lines = [(words[key], closed[key], mesh[key], mesh[key] / closed[key]) for key in words]
     return Table("Stiffness of the beam", ("", "closed form", "unit loads on the mesh", "ratio [1]"), tuple(lines))
@@ -194,7 +215,7 @@ def _draw(found: CrossCheck, plain: list[Row], figures: Path) -> list[tuple[Path
     panels = {
         label: {
             "solid": [state.numbers[key] for state in found.solid[:count]],
-            **{_MODELS[k]: [s.numbers[key] for s in states[:count]] for k, states in found.rods.items()},
+            **{_MODELS[k]: [s.numbers[key] for s in found.rods[k][:count]] for k in _DRAWN},
         }
         for key, label in _PANELS.items()
     }
@@ -210,7 +231,7 @@ def _draw(found: CrossCheck, plain: list[Row], figures: Path) -> list[tuple[Path
         title=f"{name}: difference, and where it was expected",
     )
     rows = curvature_rows(found)
-    curves = {"solid": "solid_1_per_mm", **{_MODELS[k]: f"rods_{k}_1_per_mm" for k in found.rods}}
+    curves = {"solid": "solid_1_per_mm", **{_MODELS[k]: f"rods_{k}_1_per_mm" for k in _DRAWN}}
     both_over(
         along,
         [row["x_mm"] for row in rows],

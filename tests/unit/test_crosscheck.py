@@ -53,9 +53,9 @@ def test_the_mesh_gives_sections_between_their_bounds(result: tuple[Path, dict[s
     middle, whole = (mesh[k] / closed["EI_mN_mm2"] for k in ("EI_middle_mN_mm2", "EI_mN_mm2"))
     assert 1.0 < middle < 1.0 / (1.0 - 0.45**2)
     assert 0.85 * middle < whole < middle
-    # warping held at both ends stiffens torsion; yield at the ends softens stretch
+    # warping held at both ends stiffens torsion; the pillars down to the bonds shear when they are pushed apart
     assert 1.2 < mesh["GJ_mN_mm2"] / closed["GJ_mN_mm2"] < 2.5
-    assert 0.6 < mesh["EA_mN"] / closed["EA_mN"] < 1.0
+    assert 0.4 < mesh["EA_mN"] / closed["EA_mN"] < 1.0
 
 
 def test_sections_from_the_mesh_bring_the_models_together(result: tuple[Path, dict[str, Any]]) -> None:
@@ -71,9 +71,24 @@ def test_sections_from_the_mesh_bring_the_models_together(result: tuple[Path, di
                 for r in _rows(result[1], rods)
                 if r["quantity"] == name and r["tension_kPa"] == lowest
             )
-            for rods in ("closed_form", "mesh")
+            for rods in ("closed_form", "mesh_beam")
         )
         assert mesh < plain / 3.0
+
+
+def test_parts_from_the_mesh_agree_over_the_stroke(result: tuple[Path, dict[str, Any]]) -> None:
+    """Closing, force, sagitta, turn, curvature, shortening and stroke within 3 % at every tension, motions within 5 %.
+
+    Energy is left out: the solid's has what the rings squeeze into the pillars.
+
+    Catches: a junction without its rings, ends of it that turn freely, tension and resistance of another section.
+    """
+    rows = [row for row in _rows(result[1], "mesh_at_load") if row["quantity"] != "strain_energy_uJ"]
+    assert len(rows) == 37
+    worst = max(rows, key=lambda row: abs(row["difference_1"]))
+    assert abs(worst["difference_1"]) < 0.03, f"{worst['quantity']} at {worst['tension_kPa']:.3g} kPa"
+    pairs = [pair for pair in result[1]["crosscheck"]["frequencies"] if pair["rods"] == "mesh_at_load"]
+    assert max(abs(pair["solid_Hz"] / pair["rods_Hz"] - 1.0) for pair in pairs) < 0.05
 
 
 def test_natural_motions_are_of_one_kind(result: tuple[Path, dict[str, Any]]) -> None:
@@ -82,7 +97,7 @@ def test_natural_motions_are_of_one_kind(result: tuple[Path, dict[str, Any]]) ->
     Catches: shapes seen in frames that differ, mass left out of one model.
     """
     pairs = result[1]["crosscheck"]["frequencies"]
-    assert len(pairs) == 6
+    assert len(pairs) == 12
     assert min(pair["likeness_1"] for pair in pairs) > 0.98
     assert all(0.8 < pair["solid_Hz"] / pair["rods_Hz"] < 1.4 for pair in pairs)
 

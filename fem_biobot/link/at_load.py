@@ -1,0 +1,148 @@
+"""Rods whose parts have the constants that loads on those parts show where the machine bears them.
+
+Gel, tissue and corners are not linear, rods are. So each stretch of beam and junction is taken about the bending and
+the shortening that it has: moment and force of its own curve there, and what they change by. The curves come from
+loads on skeleton and muscle alone (`link.sections`, `link.strip`); the state about which they are taken is the rods'
+own, found by iteration, and knows nothing of the machine's solid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fem_biobot.design import Design
+from fem_biobot.errors import SolveError
+from fem_biobot.link.masses import with_masses
+from fem_biobot.link.observed import Array, Observed
+from fem_biobot.link.rod_side import RodSide
+from fem_biobot.link.sections import MeshSections, sections_from_mesh, with_sections
+from fem_biobot.link.strip import STRIP, StripSections, stretches_of, strip_from_mesh, with_strip
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.rod.model import RodModel, RodState
+from fem_biobot.solid.measures import muscle_work
+from fem_biobot.study.reporter import Reporter, Silent
+
+_MOST = 20
+# change of a stretch, and of a beam's turn from element to element [rad], at which a state is taken as found
+_SETTLED = 1e-6
+
+
+def parts_of(
+    design: Design,
+    mesh: BodyMesh,
+    reduced: RodModel,
+    path: tuple[Sequence[Observed], Sequence[RodState]],
+    reporter: Reporter,
+) -> LoadedRods:
+    """Constants of skeleton and junction by loads on each alone, as large as those on a path of rods in closed form.
+
+    Parameters
+    ----------
+    design, mesh
+        A bot of two pillars, and its mesh.
+    reduced
+        From `reduce`, with as many elements in the beam as there are stretches.
+    path
+        What was observed of `reduced`, by rising tension, and its states.
+    reporter
+        Told of each part.
+    """
+    seen, states = path
+    sections = sections_from_mesh(design, mesh, [each.numbers["muscle_force_mN"] for each in seen])
+    reporter.advance("skeleton")
+    strip = None
+    if design.value("muscle.layout") == "junction":
+        name = str(getattr(reduced.members[0], "name", ""))
+        approach = [design.span - state.muscle_length(name) for state in states]
+        pulls = [(each.tension, by) for each, by in zip(seen, approach, strict=True)]
+        strip = strip_from_mesh(design, mesh, pulls)
+    reporter.advance("junction" if strip else "no junction")
+    found = LoadedRods(design, reduced, sections, strip, mesh)
+    reporter.advance("masses")
+    return found
+
+
+@dataclass(frozen=True)
+class LoadedRods:
+    """Rods of a design with constants of their parts at load.
+
+    Attributes
+    ----------
+    design
+        A bot of two pillars.
+    reduced
+        From `reduce`, with as many elements in the beam as there are stretches.
+    sections
+        Of the beam, with pulls at large.
+    strip
+        Of the junction, with pulls at large; None for a muscle that is none.
+    mesh
+        Of both, for the masses.
+    """
+
+    design: Design
+    reduced: RodModel
+    sections: MeshSections
+    strip: StripSections | None
+    mesh: BodyMesh
+
+    def side(self, curvature: Array | None = None, stretch: Array | None = None) -> RodSide:
+        """Rods about a curvature of each stretch of beam and a stretch of each of the junction; by unit loads."""
+        model = with_sections(self.reduced, self.sections, curvature=curvature)
+        if self.strip is not None:
+            model = with_strip(model, self.design, self.strip, stretch=stretch)
+        return RodSide(self.design, with_masses(model, self.design, self.mesh))
+
+    def states(self, tensions: Sequence[float], reporter: Reporter) -> tuple[list[Observed], list[RodState]]:
+        """Equilibria at tensions that rise [kPa], each of a model of its own; fewer if there are none further on."""
+        observed: list[Observed] = []
+        states: list[RodState] = []
+        curvature = stretch = None
+        lengths: list[float] = []
+        for k in range(len(tensions)):
+            try:
+                side, seen, state = self._settled(tensions[: k + 1], curvature, stretch)
+            except SolveError as failure:
+                if not states:
+                    raise
+                reporter.note(f"rods at load: nothing above {tensions[k - 1]:.3g} kPa: {failure}")
+                break
+            curvature, stretch = self._bearing(side, state)
+            lengths.append(side.tension_length(state))
+            # by the work of the muscle, since the models of the states before are others
+            work = muscle_work(list(tensions[: k + 1]), lengths, side.tension_length(side.model.drawn()))[-1]
+            observed.append(replace(seen, numbers={**seen.numbers, "strain_energy_uJ": work}))
+            states.append(state)
+        reporter.advance(f"rods at load to {tensions[len(states) - 1]:.3g} kPa")
+        return observed, states
+
+    def _settled(
+        self, tensions: Sequence[float], curvature: Array | None, stretch: Array | None
+    ) -> tuple[RodSide, Observed, RodState]:
+        """Side and state at the last of the tensions about which its constants are."""
+        size = np.diff(self.reduced.rods[0].points[:, 0])
+        for _ in range(_MOST):
+            side = self.side(curvature, stretch)
+            observed, states = side.states(tensions, Silent())
+            if len(states) < len(tensions):
+                raise SolveError(f"found no state at {tensions[-1]:.3g} kPa", None)
+            bent, shortened = self._bearing(side, states[-1])
+            changed = [] if curvature is None else [np.abs(bent - curvature) * size]
+            if shortened is not None and stretch is not None:
+                changed.append(np.abs(shortened - stretch))
+            curvature, stretch = bent, shortened
+            if changed and max(float(c.max()) for c in changed) < _SETTLED:
+                return side, observed[-1], states[-1]
+        raise SolveError(f"constants at load: found no end within {_MOST} rounds at {tensions[-1]:.3g} kPa", None)
+
+    def _bearing(self, side: RodSide, state: RodState) -> tuple[Array, Array | None]:
+        """Curvature of each stretch of beam [1/mm] and stretch of each of the junction [1]."""
+        beam = side.model.rods[0]
+        natural = 0.0 if beam.natural_curvature is None else np.asarray(beam.natural_curvature)[:, 0]
+        curvature = state.strain(beam.name)[1][:, 0] + natural
+        if self.strip is None:
+            return curvature, None
+        return curvature, stretches_of(self.strip, state.points(STRIP))

@@ -60,6 +60,8 @@ if TYPE_CHECKING:
     from fem_biobot.rod.statics import RodSolution, RodStep, reaction, statics
     from fem_biobot.rod.touch import Touch
     from fem_biobot.rod.walk import walk
+    from fem_biobot.solid.dynamics.integrate import solid_dynamics
+    from fem_biobot.solid.dynamics.motion import SolidMotion
     from fem_biobot.solid.from_design import tension_step
     from fem_biobot.solid.measures import measures
     from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
@@ -118,6 +120,8 @@ _HOMES = {
     "rod.touch": ("Touch",),
     "rod.statics": ("RodSolution", "RodStep", "reaction", "statics"),
     "rod.walk": ("walk",),
+    "solid.dynamics.integrate": ("solid_dynamics",),
+    "solid.dynamics.motion": ("SolidMotion",),
     "solid.from_design": ("tension_step",),
     "solid.measures": ("measures",),
     "solid.model": ("SolidModel", "SolidSolution", "SolidState", "solve"),
@@ -176,6 +180,7 @@ __all__ = [
     "Rotate",
     "Section",
     "SolidModel",
+    "SolidMotion",
     "SolidSolution",
     "SolidState",
     "SolveError",
@@ -200,6 +205,7 @@ __all__ = [
     "read_mesh",
     "reduce",
     "run",
+    "solid_dynamics",
     "solve",
     "statics",
     "tension_step",

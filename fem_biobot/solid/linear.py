@@ -53,7 +53,7 @@ class Factorisation(Protocol):
         ...
 
     def solve(self, b: Array) -> Array:
-        """Solve with the latest factor; returns a new array."""
+        """Solve with the latest factor for one right side (dofs,) or several (k, dofs); returns a new array."""
         ...
 
 
@@ -104,7 +104,7 @@ class Pardiso:
             at(data),
             self._starts.ctypes.data_as(ctypes.POINTER(int32)),
             self._columns.ctypes.data_as(ctypes.POINTER(int32)),
-            ctypes.byref(int32(0)), ctypes.byref(int32(1)),
+            ctypes.byref(int32(0)), ctypes.byref(int32(1 if b is None else b.size // n)),
             self._iparm.ctypes.data_as(ctypes.POINTER(int32)),
             ctypes.byref(int32(0)),
             at(b), at(x), ctypes.byref(error),
@@ -188,7 +188,7 @@ class SuperLU:
 
     def solve(self, b: Array) -> Array:
         """Solve with the latest factor."""
-        return self._lu.solve(b)
+        return self._lu.solve(b) if b.ndim == 1 else np.ascontiguousarray(self._lu.solve(np.ascontiguousarray(b.T)).T)
 
 
 @cache

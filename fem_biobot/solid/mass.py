@@ -26,7 +26,7 @@ def mass_matrix(system: System, mesh: BodyMesh, densities: Mapping[str, float]) 
     ModelError
         A region without density, an unknown region, a density that is not above 0.
     """
-    rho = _density(mesh, densities)
+    rho = density_of(mesh, densities)
     body, p = system.space, system.pattern
     n_basis = len(body.nodes)
     first, second = np.triu_indices(n_basis)
@@ -61,7 +61,7 @@ def _unit_mass(body: Space) -> Array:
     return np.einsum("aq,bq,q->ab", values, values, weights)
 
 
-def _density(mesh: BodyMesh, densities: Mapping[str, float]) -> Array:
+def density_of(mesh: BodyMesh, densities: Mapping[str, float]) -> Array:
     """Density of each element, (e,)."""
     for name in densities:
         if name not in mesh.regions:

@@ -208,7 +208,7 @@ def solve(
     """
     system = model.system
     settings = settings or NewtonSettings()
-    wanted = [_checked_step(system, as_step(s)) for s in steps]
+    wanted = [checked_step(system, as_step(s)) for s in steps]
     solver = solver or linear_solver(model, settings)
     before = solver.counts.copy()
     states: list[SolidState] = []
@@ -271,11 +271,11 @@ def buckling(state: SolidState, toward: float | Mapping[str, float] | Step) -> B
     changes linearly, as for a slender column, and the better the nearer the equilibrium is to the critical point.
     """
     model = state.model
-    there = _checked_step(model.system, as_step(toward))
+    there = checked_step(model.system, as_step(toward))
     return critical(model.system, direct_solver(model), _equilibrium(model.system, state), there)
 
 
-def _checked_step(system: System, step: Step) -> Step:
+def checked_step(system: System, step: Step) -> Step:
     """The step, refused where it names what the model does not have."""
     muscles = [c.region for c in system.contractions]
     for what, given, known in (("loads", step.loads, system.load_names), ("tensions", step.tensions, muscles)):

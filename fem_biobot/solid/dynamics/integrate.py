@@ -1,0 +1,282 @@
+"""Motion of a solid over time: the driver of its integrators, with step control, sampling and the book of energies.
+
+motion = solid_dynamics(
+    model, 1.0, 1e-3, densities={"gel": 1.1e-6}, gravity=GRAVITY, ground=Ground(0.5, 0.3), feet=["sole"], free=True
+)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.friction.ground import Ground
+from fem_biobot.friction.kernels import SLIP
+from fem_biobot.material.law import Array
+from fem_biobot.solid.dynamics.body import MovingBody, moving_body
+from fem_biobot.solid.dynamics.book import begun, entered
+from fem_biobot.solid.dynamics.contact import Contact, untouched
+from fem_biobot.solid.dynamics.feet import feet_of
+from fem_biobot.solid.dynamics.motion import SolidCheckpoint, SolidMotion, SolidMotionInterrupted
+from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
+from fem_biobot.solid.dynamics.step import Interval, State, Stepper
+from fem_biobot.solid.model import SolidModel, SolidState, checked_step
+from fem_biobot.solid.records import Step, numbers
+from fem_biobot.solid.step_failed import StepFailedError
+
+# what drives a body at an instant [s]: a step of the model, or a factor on the tension of all muscles
+Drive = Callable[[float], Step | float]
+
+_INSIDE = 1e-6  # of the body's size, that rounding may put a start into the ground
+
+
+def solid_dynamics(
+    model: SolidModel | MovingBody,
+    duration: float,
+    step: float = 1e-3,
+    *,
+    densities: Mapping[str, float] | None = None,
+    gravity: Sequence[float] = (0.0, 0.0, 0.0),
+    medium_density: float = 0.0,
+    damping_time: float = 0.0,
+    free: bool = False,
+    ground: Ground | None = None,
+    feet: Sequence[str] = (),
+    drive: Drive | None = None,
+    start: SolidState | SolidCheckpoint | None = None,
+    velocity: Any = None,
+    sample_every: int = 1,
+    settings: DynamicsSettings | None = None,
+    listener: Callable[[float], None] | None = None,
+) -> SolidMotion:
+    """Motion of a solid from a start.
+
+    Parameters
+    ----------
+    model
+        What moves; a `MovingBody` has its densities, gravity, damping and supports already.
+    duration, step
+        [s]. The last step is as long as the others; `duration` is rounded to a whole number of them.
+    densities, gravity, medium_density, damping_time, free
+        See `moving_body`.
+    ground, feet
+        A plane with friction, and the surfaces that it stops; none by default.
+    drive
+        What drives the body at an instant: a `Step`, or a factor on the tension of all muscles under its whole load.
+        By default the whole load without tension.
+    start
+        A state of the model at rest at time 0, or the checkpoint of another motion, whose time goes on; by default the
+        undeformed body.
+    velocity
+        With a state: velocity of its nodes, (3, n), or of all of them, (3,) [mm/s].
+    sample_every
+        Steps between samples.
+    settings
+        Of the integrator.
+    listener
+        Told the time reached after each sample [s].
+
+    Returns
+    -------
+    SolidMotion
+        Samples at ``0, sample_every * step, ...`` and at the end.
+
+    Raises
+    ------
+    ModelError
+        Times that are not positive, no densities, a ground without feet or under an integrator for smooth motion, a
+        start that does not fit or lies in the ground.
+    SolveError
+        A step that fails after being halved; `best` is the `SolidMotion` up to the last sample.
+    SolidMotionInterrupted
+        A `KeyboardInterrupt` with the same `best`.
+
+    Notes
+    -----
+    Order one with backward Euler, two with the energy-momentum scheme; see `Scheme`. A step that does not converge is
+    halved, never accepted. Elements are those of displacements; forces have a potential.
+    """
+    for what, value in (("duration", duration), ("step", step)):
+        good = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
+        if not good or not np.isfinite(value) or not value > 0.0:
+            raise ModelError(f"solid_dynamics: {what}: found {value!r}, expected a time above 0 s")
+    if step > duration * (1.0 + 1e-9):
+        raise ModelError(f"solid_dynamics: step: found {step:g} s, expected at most the duration ({duration:g} s)")
+    if not isinstance(sample_every, int | np.integer) or sample_every < 1:
+        raise ModelError(
+            f"solid_dynamics: sample_every: found {sample_every!r}, expected a whole number of steps, at least 1"
+        )
+    if isinstance(model, MovingBody):
+        body = model
+    else:
+        if densities is None:
+            raise ModelError("solid_dynamics: densities: found none, expected one for every region [kg/mm^3]")
+        body = moving_body(
+            model, densities, gravity=gravity, medium_density=medium_density, damping_time=damping_time, free=free
+        )
+    run = _Run(body, ground, feet, drive, settings or DynamicsSettings())
+    run.begin(start, velocity)
+    left = round(duration / step)
+    origin, done = run.time, 0
+    try:
+        while left:
+            count = min(int(sample_every), left)
+            run.clear()
+            for _ in range(count):
+                done += 1
+                run.go(origin + done * step, step)
+            left -= count
+            run.sample()
+            if listener is not None:
+                listener(run.time)
+    except KeyboardInterrupt:
+        raise SolidMotionInterrupted(run.motion()) from None
+    return run.motion()
+
+
+class _Run:
+    """An integration under way."""
+
+    def __init__(
+        self,
+        body: MovingBody,
+        ground: Ground | None,
+        feet: Sequence[str],
+        drive: Drive | None,
+        settings: DynamicsSettings,
+    ) -> None:
+        if ground is not None and settings.scheme is not Scheme.backward_euler:
+            raise ModelError(
+                f"settings: scheme: found {settings.scheme} on a ground, expected backward_euler, whose impacts do not "
+                "bounce"
+            )
+        self.body, self.ground, self.settings = body, ground, settings
+        self.feet = None if ground is None else feet_of(body, feet)
+        self.contact = None if ground is None or self.feet is None else Contact(body, self.feet, ground)
+        self.stepper = Stepper(body, self.contact, settings)
+        self._drive = drive or (lambda t: Step(tension=0.0, time=t))
+        self.rows: list[dict[str, Any]] = []
+        self.work = np.zeros(4, dtype=np.int64)  # steps, iterations, factorisations, halved
+        self.worst = 0.0
+
+    def begin(self, start: SolidState | SolidCheckpoint | None, velocity: Any) -> None:
+        """Take over the start; refuses what cannot be."""
+        n, c = self.body.system.space.n_nodes, 0 if self.contact is None else self.contact.count
+        if isinstance(start, SolidCheckpoint):
+            if start.state.u.shape != (n, 3) or len(start.state.touch.state) != c:
+                raise ModelError("start: found a checkpoint of another body or ground, expected one of this body")
+            self.state, self.book, self.time = start.state, start.book.copy(), start.time
+        else:
+            u = np.zeros((n, 3)) if start is None else np.ascontiguousarray(start.u.T, dtype=float)
+            if u.shape != (n, 3) or not np.isfinite(u).all():
+                raise ModelError(f"start: found displacements of shape {u.T.shape}, expected (3, {n}) finite numbers")
+            given = np.zeros(3) if velocity is None else numbers(velocity, "velocity", "finite velocities")
+            if given.shape not in ((3,), (3, n)):
+                raise ModelError(f"velocity: found shape {given.shape}, expected (3,) or (3, {n})")
+            v = np.array(np.broadcast_to(given.reshape(3, -1).T, (n, 3)))
+            local = self.body.system.to_local(v).copy().reshape(-1)
+            local[self.body.system.held.dofs] = 0.0
+            v = self.body.system.to_global(local.reshape(-1, 3))
+            self.state = State(u, v, np.zeros((n, 3)), untouched(c))
+            self.book, self.time = begun(self.body, u, v), 0.0
+            if self.contact is not None:
+                lowest = self.contact.positions(u)[:, 0]
+                if lowest.min() < -_INSIDE * self.body.largest:
+                    raise ModelError(
+                        f"start: contact point {int(np.argmin(lowest))} lies {-lowest.min():.3g} mm inside the ground, "
+                        "expected on or above it (lower the ground or lift the body)"
+                    )
+        self.clear()
+        self.sample()
+
+    def driven(self, time: float) -> Step:
+        """What drives at an instant."""
+        found = self._drive(time)
+        if not isinstance(found, Step):
+            if numbers(found, f"drive at {time:g} s", "a step or a finite factor").ndim:
+                raise ModelError(f"drive at {time:g} s: found several numbers, expected a step or one factor")
+            found = Step(tension=float(found), time=time)
+        return checked_step(self.body.system, found)
+
+    def clear(self) -> None:
+        """Begin to sum up for the next sample."""
+        c = 0 if self.contact is None else self.contact.count
+        self.tally, self.since = np.zeros((c, 5)), 0.0
+
+    def go(self, end: float, h: float, depth: int = 0) -> None:
+        """One step that ends at a time; in two halves if it fails."""
+        begin = end - h
+        middle = self.settings.scheme is Scheme.energy_momentum
+        interval = Interval(h, self.driven(begin + 0.5 * h if middle else end))
+        try:
+            made = self.stepper.make(self.state, interval)
+        except StepFailedError as failure:
+            self.work[3] += 1
+            if depth == self.settings.halvings:
+                raise SolveError(
+                    f"solid_dynamics: no step of {h:.3g} s at {begin:.6g} s: {failure}; try a shorter step, more "
+                    "damping, or a weaker drive",
+                    best=self.motion(),
+                    reason=str(failure),
+                    why=failure.why,
+                    element=failure.element,
+                ) from None
+            self.go(begin + 0.5 * h, 0.5 * h, depth + 1)
+            self.go(end, 0.5 * h, depth + 1)
+            return
+        self.book = entered(self.book, self.stepper, self.contact, self.state, made, interval)
+        self.state, self.time = made.state, end
+        self.since += h
+        self.work[:3] += (1, made.iterations, made.factorisations)
+        self.worst = max(self.worst, made.residual)
+        touch = made.state.touch
+        self.tally[:, :3] += touch.force * h
+        self.tally[:, 3] += h * (touch.state == SLIP)
+        self.tally[:, 4] += h * (touch.force[:, 0] > 0.0)
+
+    def sample(self) -> None:
+        """Keep what there is now."""
+        s, body = self.state, self.body
+        p = body.momentum_of(s.v)
+        x = body.system.space.points.T + s.u
+        since = self.since or 1.0
+        self.rows.append(
+            {
+                "times": self.time,
+                "u": np.ascontiguousarray(s.u.T),
+                "momentum": p.sum(axis=0),
+                "angular_momentum": np.cross(x, p).sum(axis=0),
+                "contact_force": self.tally[:, :3] / since,
+                "touch": s.touch.state.copy(),
+                "slip_share": self.tally[:, 3] / since,
+                "contact_share": self.tally[:, 4] / since,
+                "book": self.book.copy(),
+                "drive": self.driven(self.time),
+            }
+        )
+        self.final = SolidCheckpoint(self.state, self.book.copy(), self.time)
+        self.kept = (len(self.rows), self.work.copy(), self.worst, self.final)
+
+    def motion(self) -> SolidMotion:
+        """Up to the last sample."""
+        count, work, worst, final = self.kept
+        columns: dict[str, Any] = {key: [row[key] for row in self.rows[:count]] for key in self.rows[0]}
+        drive = tuple(columns.pop("drive"))
+        steps, iterations, factorisations, halved = (int(k) for k in work)
+        return SolidMotion(
+            self.body, self.ground, self.feet, drive=drive, steps=steps, iterations=iterations,
+            factorisations=factorisations, halved=halved, largest_residual=worst, final=final,
+            **{key: np.array(values) for key, values in columns.items()},
+        )  # fmt: skip
+
+
+def rigid_velocity(model: SolidModel, linear: Sequence[float], spin: Sequence[float], centre: Sequence[float]) -> Array:
+    """Velocity of all nodes in a rigid motion, (3, n) [mm/s], for `solid_dynamics`.
+
+    `linear` is that of the reference position `centre` [mm], `spin` the angular velocity [rad/s].
+    """
+    arm = model.system.space.points - np.asarray(centre, dtype=float)[:, None]
+    return np.asarray(linear, dtype=float)[:, None] + np.cross(np.asarray(spin, dtype=float), arm, axisb=0, axisc=0)

@@ -1,0 +1,293 @@
+"""One time step of a solid: Newton's method on the momentum balance at the end of the step, contact condensed in it.
+
+The tangent's factor is kept from iteration to iteration and from step to step, and renewed where convergence slows;
+contact forces are solved anew in each iteration, for the motion linearised there, so that what comes out obeys contact
+exactly and the momentum balance to the tolerance.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fem_biobot.material.law import Array, OutsideLawError
+from fem_biobot.solid.dynamics.body import MovingBody
+from fem_biobot.solid.dynamics.contact import ACCEPTED, Contact, Met, Touch
+from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
+from fem_biobot.solid.dynamics.strain import green_lagrange, stress_of, stretch_of
+from fem_biobot.solid.linear import Factorisation, NotPositiveDefiniteError, factorisation
+from fem_biobot.solid.records import Step
+from fem_biobot.solid.step_failed import StepFailedError, Why
+from fem_biobot.solid.system import InvertedError, Points
+
+# an iteration that leaves more than this share of the residual has the factor renewed
+_SLOW = 0.3
+# the energy correction is left out where the strain changes by less: there it is below rounding
+_STILL = 1e-5
+
+
+class State(NamedTuple):
+    """Where a body is and how it moves.
+
+    Attributes
+    ----------
+    u, v
+        Displacement and velocity of the nodes, (n, 3) [mm, mm/s].
+    change
+        Change of `v` in the last step, per time, from which the next is guessed, (n, 3) [mm/s^2].
+    touch
+        Of the contact points.
+    """
+
+    u: Array
+    v: Array
+    change: Array
+    touch: Touch
+
+
+class Interval(NamedTuple):
+    """A step to be made: its length [s], and what drives it where the scheme asks (its end, or its middle)."""
+
+    h: float
+    drive: Step
+
+
+class Forces(NamedTuple):
+    """What acts in a trial of a step.
+
+    Attributes
+    ----------
+    points
+        Gradient with which stresses act, total stress, moduli and passive energy density at the end of the step.
+    passive, viscous
+        Parts of the stress, (6, e, q) [kPa]; None where there is no muscle, or no viscosity.
+    unbalanced
+        Internal plus inertial less external force without contact, in local axes, zero where held, (dofs,) [mN].
+    reaction
+        What it is where held: the force of the supports, (held,) [mN].
+    external
+        Of loads and foundations, (n, 3) [mN].
+    scale
+        Norm of the summed sizes of forces [mN].
+    """
+
+    points: Points
+    passive: Array | None
+    viscous: Array | None
+    unbalanced: Array
+    reaction: Array
+    external: Array
+    scale: float
+
+
+class _At:
+    """Where an iteration stands: displacement, forces, and what the ground does, (dofs,) [mN]."""
+
+    def __init__(self, u: Array, forces: Forces, pushed: Array) -> None:
+        self.u, self.forces, self.pushed = u, forces, pushed
+        self.norm = float(np.linalg.norm(forces.unbalanced - pushed))
+
+
+class Made(NamedTuple):
+    """A step that converged, and the work it took."""
+
+    state: State
+    forces: Forces
+    met: Met | None
+    residual: float
+    iterations: int
+    factorisations: int
+
+
+class Stepper:
+    """Makes the steps of one body; keeps the factor between them."""
+
+    def __init__(self, body: MovingBody, contact: Contact | None, settings: DynamicsSettings) -> None:
+        self.body, self.contact, self.settings = body, contact, settings
+        self.factor: Factorisation = factorisation(body.system.pattern)
+        self._length = 0.0  # of the step that the factor belongs to
+        self._begun: tuple[Array, Array, Array] | None = None  # displacement, gradient and strain where a step begins
+
+    def beginning(self, u: Array) -> tuple[Array, Array]:
+        """Gradient and strain at the displacement where a step begins."""
+        if self._begun is None or self._begun[0] is not u:
+            F = self.body.system.deformation_gradient(u)
+            self._begun = (u, F, green_lagrange(F))
+        return self._begun[1:]
+
+    def forces(self, state: State, u: Array, interval: Interval) -> Forces:
+        """Forces with which the step would end at the displacement `u` (n, 3).
+
+        Raises `InvertedError` and `OutsideLawError`.
+        """
+        body, system, h = self.body, self.body.system, interval.h
+        F0, E0 = self.beginning(state.u)
+        F1 = system.deformation_gradient(u)
+        E1 = green_lagrange(F1)
+        muscle = bool(system.contractions)
+        if self.settings.scheme is Scheme.backward_euler:
+            F, rate = F1, 1.0
+            points = system.points(F1, interval.drive)
+            S, D, passive = points.S, points.D, None
+            inertia = body.momentum_of(((u - state.u) / h - state.v) / h)
+            at = u
+        else:
+            F, rate = 0.5 * (F0 + F1), 2.0
+            R = stretch_of(0.5 * (E0 + E1))
+            found = system.points(R, 0.0)
+            passive = found.S + self._correction(found.S, F0, F1, E1 - E0)
+            S, D = passive.copy(), found.D.copy()
+            if muscle:
+                active = system.points(R, interval.drive, passive=False)
+                S += active.S
+                D += active.D
+            inertia = body.momentum_of(2.0 / h * ((u - state.u) / h - state.v))
+            at = 0.5 * (state.u + u)
+        viscous = None
+        if body.viscosity is not None:
+            viscous = stress_of(body.viscosity, E1 - E0) / h
+            S = S + viscous
+            D = D + rate / h * body.viscosity
+        points = Points(F, S, D, np.zeros(0))
+        internal, magnitude = system.internal_force(points)
+        external = system.external_force(at, interval.drive)
+        unbalanced = system.to_local(internal + inertia - external - body.weight).ravel()
+        reaction = unbalanced[system.held.dofs]
+        unbalanced[system.held.dofs] = 0.0
+        momentum = body.node_mass[:, None] * (np.abs(state.v) + np.abs(u - state.u) / h) / h
+        scale = max(float(np.linalg.norm(part)) for part in (magnitude, external, body.weight, momentum))
+        return Forces(points, passive, viscous, unbalanced, reaction, external, scale)
+
+    def _correction(self, S: Array, F0: Array, F1: Array, dE: Array) -> Array:
+        """Stress along the change of strain that makes the work of the passive stress the change of its energy."""
+        system = self.body.system
+        psi = [system.points(F, 0.0, moduli=False).psi for F in (F0, F1)]
+        tensor = dE.copy()
+        tensor[3:] *= 0.5
+        size = np.einsum("aeq,aeq->eq", tensor, dE)
+        missing = psi[1] - psi[0] - np.einsum("aeq,aeq->eq", S, dE)
+        return np.where(size > _STILL**2, missing / np.where(size > 0.0, size, 1.0), 0.0) * tensor
+
+    def _factorise(self, points: Points, S: Array, u: Array, interval: Interval) -> None:
+        """Factor the step's tangent; where it is not positive definite, without its geometric part.
+
+        A body that the ground holds up may topple without it: then the tangent without contact has a negative
+        direction in long steps. The part left out makes iterations more, not the answer another.
+        """
+        self._length = 0.0
+        try:
+            self.factor.factor(self._tangent(points, S, u, interval))
+        except NotPositiveDefiniteError:
+            self.factor.factor(self._tangent(points, np.zeros_like(S), u, interval))
+        self._length = interval.h
+        if self.contact is not None:
+            self.contact.renew()
+
+    def _tangent(self, points: Points, S: Array, u: Array, interval: Interval) -> Array:
+        """Upper triangle of the derivative of the unbalanced force, with the stress `S` in its geometric part."""
+        body, system = self.body, self.body.system
+        data = system.matrix(points, S, u, interval.drive)
+        if self.settings.scheme is Scheme.backward_euler:
+            data += body.mass / interval.h**2
+        else:
+            data *= 0.5
+            data += 2.0 / interval.h**2 * body.mass
+        system.block(data)
+        return data
+
+    def make(self, state: State, interval: Interval) -> Made:
+        """Make one step; raises `StepFailedError`."""
+        try:
+            share = 1.0 if self.settings.scheme is Scheme.backward_euler else 0.5
+            for guess in (state.u + interval.h * (state.v + share * interval.h * state.change), state.u):
+                try:
+                    return self._iterate(state, self._held(guess, interval.drive), interval)
+                except InvertedError:
+                    if guess is state.u:
+                        raise
+            raise AssertionError
+        except InvertedError as error:
+            text = f"an element is inverted (det F = {error.J:.3g})"
+            raise StepFailedError(text, Why.inverted, element=error.element) from None
+        except OutsideLawError as error:
+            raise StepFailedError(str(error), Why.outside_law, element=error.element) from None
+        except NotPositiveDefiniteError:
+            raise StepFailedError("the step's tangent is not positive definite", Why.indefinite) from None
+
+    def _held(self, u: Array, drive: Step) -> Array:
+        """The displacement with what supports prescribe."""
+        held = self.body.system.held
+        if not held.dofs.size:
+            return u.copy()
+        local = self.body.system.to_local(u).copy()
+        local.reshape(-1)[held.dofs] = held.at(drive)
+        return self.body.system.to_global(local)
+
+    def _iterate(self, state: State, u: Array, interval: Interval) -> Made:
+        system, settings, contact = self.body.system, self.settings, self.contact
+        rounding = 4.0 * system.rounding_force * (1.0 + float(np.abs(u).max()) / self.body.largest)
+        before = contact.positions(state.u) if contact is not None else np.zeros((0, 3))
+        at, met, force = (
+            _At(u, self.forces(state, u, interval), self._pushed(state.touch.force)),
+            None,
+            state.touch.force,
+        )
+        factorisations, fresh, old = 0, None, None
+        for iteration in range(settings.max_iterations + 1):
+            if not np.isfinite(at.norm):
+                raise StepFailedError("the residual is not a number", Why.no_number, iteration=iteration)
+            solved = contact is None or (met is not None and met.residual <= ACCEPTED)
+            allowed = max(settings.tolerance * at.forces.scale, rounding)
+            if iteration > 0 and solved and at.norm <= allowed:
+                return self._made(state, interval, at, met, iteration, factorisations)
+            if iteration == settings.max_iterations:
+                break
+            slow = old is not None and at.norm > _SLOW * old.norm
+            if slow and fresh is None and old is not None:
+                at = old  # an old factor misled
+            if self._length != interval.h or slow:
+                points = at.forces.points
+                # after a whole Newton step the stress carried along from before it: see `solid.newton`
+                S = points.S if fresh is None else system.carry(fresh, points.F, np.zeros(0))
+                self._factorise(points, S, at.u, interval)
+                factorisations, fresh = factorisations + 1, points
+            else:
+                fresh = None
+            old = at
+            change = self.factor.solve(-at.forces.unbalanced)
+            pushed = at.pushed
+            if contact is not None:
+                free = contact.positions(at.u + system.to_global(change.reshape(-1, 3)))
+                met = contact.solve(self.factor, before, free, interval.h, state.touch, force)
+                force, pushed = met.force, self._pushed(met.force)
+                if np.any(force):
+                    change += self.factor.solve(pushed)
+            u = at.u + system.to_global(change.reshape(-1, 3))
+            at = _At(u, self.forces(state, u, interval), pushed)
+        if met is not None and met.residual > ACCEPTED:
+            raise StepFailedError("the contact problem was not solved", Why.iterations)
+        share = at.norm / at.forces.scale
+        text = f"no convergence in {settings.max_iterations} iterations (residual {share:.2g} of the forces)"
+        raise StepFailedError(text, Why.iterations, element=system.loudest(at.forces.unbalanced - at.pushed))
+
+    def _pushed(self, force: Array) -> Array:
+        """Forces of the ground on the unknowns, zero where these are held, (dofs,) [mN]."""
+        system = self.body.system
+        if self.contact is None:
+            return np.zeros(system.n_dofs)
+        pushed = system.to_local(self.contact.nodal(force)).ravel()
+        pushed[system.held.dofs] = 0.0
+        return pushed
+
+    def _made(
+        self, state: State, interval: Interval, at: _At, met: Met | None, iterations: int, factorisations: int
+    ) -> Made:
+        h = interval.h
+        v = (at.u - state.u) / h
+        if self.settings.scheme is Scheme.energy_momentum:
+            v = 2.0 * v - state.v
+        touch = state.touch if met is None or self.contact is None else self.contact.settled(met)
+        end = State(at.u, v, (v - state.v) / h, touch)
+        scale = at.forces.scale
+        return Made(end, at.forces, met, at.norm / scale if scale else 0.0, iterations, factorisations)

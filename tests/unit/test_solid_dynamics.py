@@ -1,0 +1,263 @@
+"""Time steps of solids: derivatives, contact points, settings, checkpoints, failures and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.friction.ground import Ground
+from fem_biobot.material import ActiveStress, NeoHooke
+from fem_biobot.material.conventions import Convention
+from fem_biobot.solid.dynamics.body import moving_body
+from fem_biobot.solid.dynamics.contact import untouched
+from fem_biobot.solid.dynamics.feet import feet_of
+from fem_biobot.solid.dynamics.integrate import rigid_velocity, solid_dynamics
+from fem_biobot.solid.dynamics.motion import SolidCheckpoint, SolidMotionInterrupted, joined
+from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
+from fem_biobot.solid.dynamics.step import Interval, State, Stepper
+from fem_biobot.solid.dynamics.strain import green_lagrange, stretch_of
+from fem_biobot.solid.model import SolidModel, SolidState
+from fem_biobot.solid.records import Fix, Foundation, Step, Symmetry
+from tests.helpers import box_mesh, generator, generic_gradients, on_three_corners, rotation, taylor_slope, turned_about
+
+SIZE = (1.0, 0.8, 0.5)
+DENSITY = {"muscle": 1.1e-6}
+DOWN = (0.0, 0.0, -9810.0)
+
+
+def _model(element: str = "P1", **more: Any) -> SolidModel:
+    given: dict[str, Any] = {
+        "active": {"muscle": ActiveStress(3.0, np.array([0.6, 0.8, 0.0]))},
+        "supports": on_three_corners(SIZE),
+        **more,
+    }
+    return SolidModel(box_mesh((2, 1, 1), SIZE), {"muscle": NeoHooke(20.0, 0.3)}, element=element, **given)
+
+
+def _fall(model: SolidModel | None = None, duration: float = 0.02, step: float = 1e-3, **more: Any) -> Any:
+    given: dict[str, Any] = {"densities": DENSITY, "gravity": DOWN, "free": True, **more}
+    return solid_dynamics(model or _model(), duration, step, **given)
+
+
+def test_the_tangent_of_backward_euler_is_the_derivative() -> None:
+    """The remainder of the unbalanced force falls with the square: inertia, stress, muscle, viscosity, springs.
+
+    Catches: mass over h, viscosity that is not divided by the step, a stress of the geometric part without viscosity.
+    """
+    model = _model("P2", supports=[*on_three_corners(SIZE), Foundation("z0", 3.0, 1.0)])
+    body = moving_body(model, DENSITY, gravity=DOWN, damping_time=2e-3, free=True)
+    stepper = Stepper(body, None, DynamicsSettings())
+    draw = generator()
+    n = model.system.space.n_nodes
+    u0, u, direction = (scale * draw.normal(size=(n, 3)) for scale in (0.01, 0.012, 0.01))
+    state = State(u0, draw.normal(size=(n, 3)), np.zeros((n, 3)), untouched(0))
+    interval = Interval(3e-3, Step(tension=0.7))
+    here = stepper.forces(state, u, interval)
+    data = stepper._tangent(here.points, here.points.S, u, interval)
+    along = body.system.product(data, direction.ravel())
+
+    def force(eps: float) -> np.ndarray:
+        return stepper.forces(state, u + eps * direction, interval).unbalanced[:, None]
+
+    assert taylor_slope(force, along[:, None]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_strain_is_that_of_its_upper_triangular_gradient() -> None:
+    """``stretch_of`` gives a gradient of the same strain, also at large ones.
+
+    Catches: a doubled shear, a transposed triangle.
+    """
+    E = green_lagrange(generic_gradients(10)[..., None])
+    np.testing.assert_allclose(green_lagrange(stretch_of(E)), E, rtol=0.0, atol=1e-13 * np.abs(E).max())
+
+
+def test_contact_points_stand_for_the_whole_sole() -> None:
+    """Areas add up to the surfaces'; on quadratic facets the sides stand for it, on linear ones the corners.
+
+    Catches: areas added once for nodes of several facets, sides and corners exchanged.
+    """
+    for element in ("P1", "P2"):
+        feet = feet_of(moving_body(_model(element), DENSITY), ["z0", "z1"])
+        for k in range(2):
+            assert feet.area[feet.owner == k].sum() == pytest.approx(SIZE[0] * SIZE[1], rel=1e-12)
+        corners = feet.nodes < box_mesh((2, 1, 1), SIZE).n_vertices
+        assert np.all((feet.area > 0.0) == (corners if element == "P1" else ~corners))
+
+
+def test_a_motion_goes_on_from_its_checkpoint() -> None:
+    """Two runs in a row repeat a run of the same two parts from a file, bit by bit, and join into one.
+
+    Catches: what slips forgotten, a clock that starts anew, the predictor's change lost.
+    """
+    more: dict[str, Any] = {"ground": Ground(0.4, 0.2), "feet": ["z0"], "drive": lambda t: 5.0 * t}
+    first = _fall(velocity=(200.0, 0.0, 0.0), **more)
+    second = _fall(start=first.final, **more)
+    again = _fall(start=SolidCheckpoint.from_arrays(first.final.arrays()), **more)
+    assert np.array_equal(again.u, second.u)
+    assert np.array_equal(again.book, second.book)
+    whole = joined([first, second])
+    assert whole.steps == 40
+    assert len(whole.times) == 41
+    assert len(whole.drive) == 41
+    assert whole.times[-1] == pytest.approx(0.04)
+    assert np.abs(whole.energy_error).max() <= 1e-6 * whole.book[0, 0]
+
+
+def test_a_step_that_fails_is_halved() -> None:
+    """A step in which an element is turned inside out is made in parts, and the motion goes on.
+
+    Catches: a step accepted as it is, halves of the wrong length.
+    """
+    n = _model().system.space.n_nodes
+    v = 400.0 * generator().normal(size=(3, n))
+    found = _fall(velocity=v, step=4e-3, duration=4e-3, gravity=(0.0, 0.0, 0.0))
+    assert found.halved > 0
+    assert found.steps > 1
+    assert found.times[-1] == pytest.approx(4e-3, rel=1e-12)
+    assert np.abs(found.energy_error).max() <= 1e-6 * found.book[0, 0]
+
+
+def test_a_motion_that_cannot_go_on_keeps_what_was_reached() -> None:
+    """Without halvings the failure names time and reason; its best is the motion up to there.
+
+    Catches: an unconverged step accepted, samples lost with the failure.
+    """
+    v = 4000.0 * generator().normal(size=(3, _model().system.space.n_nodes))
+    with pytest.raises(SolveError, match=r"no step of 0\.004 s at 0 s") as failure:
+        _fall(velocity=v, step=4e-3, duration=8e-3, settings=DynamicsSettings(halvings=0, max_iterations=3))
+    assert len(failure.value.best.times) == 1
+    assert failure.value.why
+
+
+def test_iterations_that_run_out_are_told() -> None:
+    """One iteration is never enough for a step that is not linear.
+
+    Catches: the last iterate taken for an answer.
+    """
+    with pytest.raises(SolveError, match="no convergence in 1 iterations"):
+        _fall(drive=lambda t: 1.0, settings=DynamicsSettings(halvings=0, max_iterations=1))
+
+
+def test_an_interrupt_keeps_the_samples() -> None:
+    """The user stops a motion: what was sampled is there.
+
+    Catches: an interrupt that loses the motion.
+    """
+
+    def stop(time: float) -> None:
+        if time > 2.5e-3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(SolidMotionInterrupted, match=r"interrupted after 0\.003 s") as stopped:
+        _fall(listener=stop)
+    assert len(stopped.value.best.times) == 4
+
+
+def test_velocity_of_a_rigid_motion() -> None:
+    """Points move about the centre with it: at rest on the axis, across the arm elsewhere.
+
+    Catches: a cross product turned round.
+    """
+    model = _model()
+    v = rigid_velocity(model, (1.0, 2.0, 3.0), (0.0, 0.0, 2.0), (0.0, 0.0, 0.0))
+    corner = model.mesh.landmarks["corner_100"]
+    assert v[:, corner] == pytest.approx([1.0, 4.0, 3.0])
+
+
+def test_supports_that_move_do_their_work() -> None:
+    """A held face lifted by its own drive: the work of the supports is in the book, which closes.
+
+    Catches: reactions without inertia, prescribed motion that is left where it was.
+    """
+    model = SolidModel(
+        box_mesh((1, 1, 2), SIZE), {"muscle": NeoHooke(20.0, 0.3)}, supports=[Fix("z0", "xyz", (0.0, 0.0, 0.2))]
+    )
+    found = solid_dynamics(
+        model, 0.02, 1e-3, densities=DENSITY, gravity=DOWN, damping_time=1e-4,
+        drive=lambda t: Step(load=np.sin(100.0 * t) ** 2, tension=0.0, time=t),
+    )  # fmt: skip
+    base = np.unique(model.mesh.surfaces["z0"])
+    np.testing.assert_allclose(found.u[-1, 2, base], 0.2 * np.sin(2.0) ** 2, rtol=1e-12)
+    assert found.energy("supports")[-1] > 0.0
+    assert np.abs(found.energy_error).max() <= 1e-6 * np.abs(found.energy("supports")).max()
+
+
+_MIXED = "found element P2-P1"
+REFUSALS: list[tuple[dict[str, Any], str]] = [
+    ({"duration": -1.0}, "duration: found -1.0"),
+    ({"step": float("nan")}, "step: found nan"),
+    ({"step": 1.0}, "step: found 1 s, expected at most the duration"),
+    ({"sample_every": 0}, "sample_every: found 0"),
+    ({"densities": None}, "densities: found none"),
+    ({"densities": {}}, "densities: found none for region"),
+    ({"gravity": (0.0, 1.0)}, "gravity: found"),
+    ({"damping_time": -1.0}, "damping_time: found -1.0"),
+    ({"medium_density": -1e-6}, "medium_density: found"),
+    ({"ground": Ground()}, "feet: found none"),
+    ({"ground": Ground(), "feet": ["sole"]}, "no surface named 'sole'"),
+    ({"ground": Ground(), "feet": ["z0", "x0"]}, "sharing points"),
+    ({"ground": Ground(height=0.1), "feet": ["z0"]}, "inside the ground"),
+    ({"ground": Ground(velocity=(1.0, 0.0, 1.0)), "feet": ["z0"]}, "a part along the normal"),
+    (
+        {"ground": Ground(), "feet": ["z0"], "settings": DynamicsSettings(Scheme.energy_momentum)},
+        "scheme: found energy_momentum on a ground",
+    ),
+    ({"velocity": (1.0, 2.0)}, "velocity: found shape"),
+    ({"drive": lambda t: float("nan")}, "drive at 0 s"),
+    ({"drive": lambda t: np.zeros(2)}, "several numbers"),
+    ({"drive": lambda t: Step(loads={"wind": 1.0})}, "found 'wind'"),
+]
+
+
+@pytest.mark.parametrize(("more", "words"), REFUSALS, ids=[words for _, words in REFUSALS])
+def test_what_cannot_move_is_refused(more: dict[str, Any], words: str) -> None:
+    """Each refusal names the key, what was found and what was expected, in one line.
+
+    Catches: nonsense that is integrated, a refusal that lost its key.
+    """
+    with pytest.raises(ModelError, match=words) as refusal:
+        _fall(**more)
+    assert "\n" not in str(refusal.value)
+
+
+def test_models_that_do_not_move_are_refused() -> None:
+    """Pressures, tension without energy, feet in turned axes and starts of another body.
+
+    Catches: a mass matrix without pressures taken for one, contact in the wrong axes, a checkpoint of another mesh.
+    """
+    with pytest.raises(ModelError, match=_MIXED):
+        moving_body(_model("P2-P1", active={}), DENSITY)
+    tension = ActiveStress(1.0, np.array([1.0, 0.0, 0.0]), Convention.cauchy)
+    with pytest.raises(ModelError, match="without a potential"):
+        moving_body(_model(active={"muscle": tension}), DENSITY)
+    mesh = turned_about(box_mesh((2, 1, 1), SIZE), rotation(4))
+    held = SolidModel(mesh, {"muscle": NeoHooke(20.0, 0.3)}, supports=[Symmetry(s) for s in ("z0", "x0", "y0")])
+    with pytest.raises(ModelError, match="held along axes of its own"):
+        feet_of(moving_body(held, DENSITY), ["z0"])
+    other = _fall(_model("P2"), duration=1e-3)
+    with pytest.raises(ModelError, match="checkpoint of another body"):
+        _fall(start=other.final)
+    with pytest.raises(ModelError, match="found displacements of shape"):
+        _fall(start=SolidState(_model(), Step(), np.zeros((3, 4))))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"scheme": "leapfrog"}, "scheme: found 'leapfrog'"),
+        ({"tolerance": 1.0}, "tolerance: found 1.0"),
+        ({"max_iterations": 0}, "max_iterations: found 0"),
+        ({"halvings": 1.5}, "halvings: found 1.5"),
+    ],
+)
+def test_settings_refuse_what_makes_no_sense(given: dict[str, Any], words: str) -> None:
+    """Settings name the key that is wrong.
+
+    Catches: a limit that is not checked.
+    """
+    with pytest.raises(ModelError, match=words):
+        replace(DynamicsSettings(), **given)

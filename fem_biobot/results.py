@@ -59,6 +59,8 @@ def result_tables(summary: Mapping[str, Any], kind: str) -> list[Table]:
         tables.append(_errors(solid["error_estimate"]))
     if summary.get("walks"):
         tables.append(walk_table(summary["walks"]))
+    if summary.get("design_check"):
+        tables.append(_check(summary["design_check"]))
     return tables
 
 
@@ -89,6 +91,12 @@ _WALK_COLUMNS = {
     "efficiency_1": "efficiency [1]",
     "mechanical_efficiency_1": "mechanical [1]",
 }
+
+
+def _check(rows: Rows) -> Table:
+    """The design check without its reasons, which the report has."""
+    lines = tuple((row["name"], row["by"], row["value"], row["limit"], row["unit"], row["verdict"]) for row in rows)
+    return Table("Will it work? (why: tables/design_check.csv)", ("", "by", "value", "limit", "unit", "verdict"), lines)
 
 
 def walk_table(walks: Rows) -> Table:

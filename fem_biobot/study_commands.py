@@ -65,3 +65,18 @@ def _sweep_command(
         raise OptionError(f"--workers: found {workers}, expected 1 or more")
     order = Order(str(file), out, quiet=quiet, json=as_json, force=force, resume=resume)
     return partial(study_jobs.sweep, order, scheduler, workers)
+
+
+@study.command("check")
+def _check_command(
+    design: DesignName,
+    out: Out = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Will it work? Closed forms in a second: bending, collapse, strains, oxygen, friction; a verdict a row."""
+    order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
+    return partial(study_jobs.check, order)

@@ -76,3 +76,25 @@ def sweep(order: Order, scheduler: str | None, workers: int | None) -> int:
     summary = worked(order, folder, work)
     show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
     return 0
+
+
+def check(order: Order) -> int:
+    """A design judged by closed forms."""
+    from fem_biobot.config import load_design
+    from fem_biobot.study.design_check import check_finding, refuse_without_feet
+
+    design = load_design(order.design, order.sets)
+    refuse_without_feet(design)
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_check")
+
+    from fem_biobot.study.finding import examine, tables_of
+
+    def job(reporter: Reporter) -> dict[str, Any]:
+        def work(design: Design, figures: Path) -> Finding:
+            return check_finding(design)
+
+        return examine(design, folder, "design_check", work, kind="study", force=order.force, reporter=reporter)
+
+    summary = worked(order, folder, job)
+    show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    return 0

@@ -28,6 +28,7 @@ from fem_biobot.solid.linear import pardiso_missing
 from fem_biobot.solid.measures import Measurer, muscle_work
 from fem_biobot.solid.touching import touching_parts
 from fem_biobot.study import compare, outputs, views, walk_files
+from fem_biobot.study.checked import checked, report_tables, write_run_tables
 from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
 from fem_biobot.study.paper import WALKED_FREQUENCIES
@@ -160,7 +161,8 @@ class _Job:
         if self.plan is not None:
             self._timed("walk", self._walk)
         summary = self._summary(mesh, solver, coarse)
-        self._write_tables(summary)
+        summary["design_check"] = checked(self.design, self.found, summary)
+        write_run_tables(self.folder.path, summary, self.walks)
         if self.complete:
             self.muscle = self._timed("muscle", lambda: muscle_findings(self.design, mesh, self.folder.path))
             summary["muscle"] = self.muscle.numbers
@@ -172,7 +174,8 @@ class _Job:
         if self.complete:
             self.figures += self.muscle.figures
             shown = self._timed("views", self._views)
-            outputs.write_run_report(self.folder.path, summary, self.figures, self.design, self.muscle.tables, shown)
+            tables = [*report_tables(summary), *self.muscle.tables]
+            outputs.write_run_report(self.folder.path, summary, self.figures, self.design, tables, shown)
             self.reporter.advance("report")
         self.folder.close(summary)
         return summary
@@ -346,18 +349,6 @@ class _Job:
         for (_, before, length, _), (_, tension, length_now, state) in pairwise(other):
             state["muscle_work_uJ"] = -0.5 * (before + tension) * (length_now - length)
 
-    def _write_tables(self, summary: dict[str, Any]) -> None:
-        tables = outputs.tables_folder(self.folder.path)
-        solid = summary["solid"]
-        outputs.write_table(tables / "states.csv", solid["states"])
-        for name in ("comparison", "error_estimate"):
-            if solid.get(name):
-                outputs.write_table(tables / f"{name}.csv", solid[name])
-        if self.walks:
-            walk_files.write_walk_tables(self.folder.path, self.walks)
-        if solid.get("stroke"):
-            outputs.write_table(tables / "stroke.csv", [{"tissue": k, **v} for k, v in solid["stroke"].items()])
-
     def _show(self, summary: dict[str, Any]) -> None:
         self.reporter.stage("pictures", 4 if self.walks else 3)
         prefix = (
@@ -386,7 +377,7 @@ class _Job:
         summary = self._summary(mesh, solver, None)
         reached = self.states[-1]["label"] if self.states else "nothing"
         summary |= {"complete": False, "failure": str(failure) or "interrupted", "reached": reached}
-        self._write_tables(summary)
+        write_run_tables(self.folder.path, summary, self.walks)
         write_json(self.folder.path / SUMMARY, summary)
         if isinstance(failure, SolveError):
             self._note(f"reached: {reached}; everything up to there is in {self.folder.path}")

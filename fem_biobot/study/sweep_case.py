@@ -18,6 +18,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import BiobotError, DiskError, FileError
 from fem_biobot.files import file_error, write_json
 from fem_biobot.mesh.store import stored_file, stored_mesh
+from fem_biobot.study.design_check import as_numbers, design_check
 from fem_biobot.study.sweep_file import Task
 
 # one case at a time in a process, also where a cluster gives a worker several threads
@@ -112,15 +113,16 @@ def needs_mesh(order: CaseOrder) -> Path | None:
 
 def failed_row(key: str, reason: str) -> dict[str, Any]:
     """Row of a case that ended without a result."""
-    return {"key": key, "status": "failed", "reason": reason, "outputs": {}, "notes": [], "seconds_s": None}
+    return {
+        "key": key, "status": "failed", "reason": reason, "outputs": {}, "check": [], "notes": [], "seconds_s": None,
+    }  # fmt: skip
 
 
 def _performed(order: CaseOrder) -> dict[str, Any]:
     began = time.perf_counter()
     keep = True
     try:
-        outputs, notes = _JOBS[order.task](order)
-        row = {**failed_row(order.key, ""), "status": "done", "outputs": outputs, "notes": notes}
+        row = {**failed_row(order.key, ""), "status": "done", **_JOBS[order.task](order)}
     except DiskError as error:
         return {**failed_row(order.key, str(error)), "status": "disk"}
     except BiobotError as error:
@@ -139,7 +141,7 @@ def _performed(order: CaseOrder) -> dict[str, Any]:
     return row
 
 
-def _solve(order: CaseOrder) -> tuple[dict[str, Any], list[str]]:
+def _solve(order: CaseOrder) -> dict[str, Any]:
     from fem_biobot.study.run import run
 
     summary = run(order.design, order.cases / order.key, complete=False, meshes=order.meshes)
@@ -151,20 +153,25 @@ def _solve(order: CaseOrder) -> tuple[dict[str, Any], list[str]]:
     found |= {name: last[name] for name in _SOLID if last.get(name) is not None}
     if order.design.kind == "bot":
         found["touching"] = last["touching"]
-    return {**found, "unknowns_1": summary["mesh"]["unknowns_1"]}, summary["notes"]
+    found["unknowns_1"] = summary["mesh"]["unknowns_1"]
+    return {"outputs": found, "check": summary["design_check"], "notes": summary["notes"]}
 
 
-def _walk(order: CaseOrder) -> tuple[dict[str, Any], list[str]]:
+def _walk(order: CaseOrder) -> dict[str, Any]:
     from fem_biobot.study.walking import WalkPlan, walk_design
 
     drive = order.design.drive
     plan = WalkPlan((drive.frequency,), drive.duration, drive.amplitude)
     summary = walk_design(order.design, order.cases / order.key, plan, pictures=False)
     walked = summary["walks"][0]
-    return {name: walked[name] for name in _WALK if name in walked}, [*summary["notes"], *walked["notes"]]
+    return {
+        "outputs": {name: walked[name] for name in _WALK if name in walked},
+        "check": as_numbers(design_check(order.design, walks=summary["walks"])),
+        "notes": [*summary["notes"], *walked["notes"]],
+    }
 
 
-def _crosscheck(order: CaseOrder) -> tuple[dict[str, Any], list[str]]:
+def _crosscheck(order: CaseOrder) -> dict[str, Any]:
     from fem_biobot.study.crosscheck import crosscheck_finding
     from fem_biobot.study.finding import Finding, examine
     from fem_biobot.study.reporter import Silent
@@ -180,7 +187,8 @@ def _crosscheck(order: CaseOrder) -> tuple[dict[str, Any], list[str]]:
     for row in rows:
         if row["tension_kPa"] == highest:
             found |= _beside(row)
-    return found, [*summary["notes"], *summary["remarks"]]
+    check = as_numbers(design_check(order.design))
+    return {"outputs": found, "check": check, "notes": [*summary["notes"], *summary["remarks"]]}
 
 
 def _beside(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from fem_biobot.design import keys
+from fem_biobot.study.design_check import against, overall
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.sweep_file import SweepPlan, Task
 from fem_biobot.tables import Table
@@ -48,7 +49,8 @@ def sweep_rows(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]]) -> list[
             continue
         parameters = {column(key): _told(key, value) for key, value in case.values.items()}
         start = {"case": case.number, **parameters, "status": row["status"], "reason": row["reason"]}
-        rows.append({**start, **row["outputs"], "key": case.key})
+        judged = {"works": overall(row["check"]), "against": against(row["check"])}
+        rows.append({**start, **row["outputs"], **judged, "key": case.key})
     return rows
 
 
@@ -127,7 +129,7 @@ def _told(key: str, value: Any) -> Any:
 
 
 def _cases(plan: SweepPlan, rows: Sequence[Row], names: Sequence[str], outputs: Sequence[str]) -> Table:
-    header = ("case", *names, *outputs, "reason")
+    header = ("case", *names, *outputs, "works", "reason")
     lines = tuple(tuple(row.get(name) for name in header) for row in rows[:_MOST_SHOWN])
     more = f", the first {_MOST_SHOWN} of {len(rows)} (all in tables/cases.csv)" if len(rows) > _MOST_SHOWN else ""
     return Table(f"{plan.name}: {plan.task.value}{more}", tuple(_spelt(name) for name in header), lines)

@@ -187,7 +187,13 @@ def test_every_file_is_there_and_opens(result: tuple[Path, dict[str, Any]], desi
     assert stretch == pytest.approx(states(summary)["peak"]["fibre_stretch_1"], rel=0.01)
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64") == len(list((out / "figures").glob("*.png"))) >= 7
-    tables = {"states.csv", "comparison.csv", "stroke.csv", "walks.csv", "drive.csv", "fibres.csv"}
+    tables = {"states.csv", "comparison.csv", "stroke.csv", "walks.csv", "drive.csv", "fibres.csv", "design_check.csv"}
+    rows = {(row["name"], row["by"]): row for row in summary["design_check"]}
+    assert "Will it work?" in page
+    assert {by for _, by in rows} == {"closed form", "solid", "rods"}
+    peak = states(summary)["peak"]
+    assert rows["the tissue bears its shortening", "solid"]["value"] == peak["fibre_stretch_1"]
+    assert 0.01 < rows["the gel bears its strain", "solid"]["value"] < 0.3
     assert summary["muscle"]["drive"]["peak_1"] == pytest.approx(1.0)
     assert summary["muscle"]["fibres"]["along_middle_1"] == pytest.approx(1.0, abs=1e-12)
     if not gmsh_missing():

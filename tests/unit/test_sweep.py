@@ -62,6 +62,7 @@ def test_failing_cases_are_rows_and_a_grown_sweep_does_only_what_is_new(tmp_path
     assert [float(row["muscle.passive_tension_kPa"]) for row in rows] == [0.9, 0.9, 1.7, 1.7]
     assert "skeleton.short_pillar_height" in rows[1]["reason"]
     assert float(rows[2]["stroke_mm"]) > 0.05
+    assert [row["works"] for row in rows] == ["good", "", "good", ""]
     assert first.closed
     assert sorted(first.names) == sorted(row["key"] for row in rows if row["status"] == "done")
     # the case's folder is the command's own result
@@ -275,7 +276,7 @@ def test_a_case_keeps_what_its_design_decides_and_tries_again_what_chance_did(
     monkeypatch.setitem(sweep_case._JOBS, Task.solve, _raising(SolveError("too thin")))
     with pytest.raises(SolveError, match="none of 2 cases came to a result; the first: too thin"):
         sweep(strips(tmp_path), tmp_path / "out", runner=lambda folder: Inline())
-    monkeypatch.setitem(sweep_case._JOBS, Task.solve, lambda order: ({}, []))
+    monkeypatch.setitem(sweep_case._JOBS, Task.solve, lambda order: {})
     monkeypatch.setattr(sweep_case, "write_json", _raising(DiskError("no room for a row")))
     assert order.perform()["status"] == "disk"
 

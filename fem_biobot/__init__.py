@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from fem_biobot.material.yeoh import Yeoh
     from fem_biobot.mesh.body import BodyMesh
     from fem_biobot.mesh.files import read_mesh, write_mesh
+    from fem_biobot.mesh.foreign import export_part, import_mesh
     from fem_biobot.mesh.geometry import build_mesh
     from fem_biobot.muscle.directions import fibres_around, fibres_between
     from fem_biobot.muscle.orientation_file import orientation_of_file
@@ -88,6 +89,7 @@ _HOMES = {
     "material.yeoh": ("Yeoh",),
     "mesh.body": ("BodyMesh",),
     "mesh.files": ("read_mesh", "write_mesh"),
+    "mesh.foreign": ("export_part", "import_mesh"),
     "mesh.geometry": ("build_mesh",),
     "muscle.directions": ("fibres_around", "fibres_between"),
     "muscle.orientation_file": ("orientation_of_file",),
@@ -195,8 +197,10 @@ __all__ = [
     "build_mesh",
     "crosscheck",
     "dynamics",
+    "export_part",
     "fibres_around",
     "fibres_between",
+    "import_mesh",
     "load_design",
     "measures",
     "modes",

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fem_biobot import comparing_jobs, jobs
+from fem_biobot import comparing_jobs, jobs, mesh_jobs
 from fem_biobot.errors import BiobotError
 from fem_biobot.files import file_error
 from fem_biobot.muscle_commands import muscle
@@ -88,20 +88,51 @@ def _mesh_command(
     size: Size = None,
     mesh: MeshFile = None,
     rename: Rename = None,
+    skeleton: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="FILE", help="Skeleton of your own, STEP or STL, of the design's lengths."),
+    ] = None,
+    muscle: Annotated[
+        Path | None,
+        typer.Option("--muscle", metavar="FILE", help="Muscle beside it; by default built round the pillars."),
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option("--unit", metavar="UNIT", help="Of STL files: mm, cm, m, um or in.")
+    ] = None,
+    align: Annotated[bool, typer.Option("--align", help="Move the parts to the design's place.")] = False,
+    landmark: Annotated[
+        list[str] | None,
+        typer.Option("--landmark", metavar="NAME=X,Y,Z", help="Place of a named point [mm] instead of the design's."),
+    ] = None,
+    export: Annotated[
+        Path | None, typer.Option("--export", metavar="FILE", help="Write the skeleton as STEP or STL, mesh nothing.")
+    ] = None,
+    export_muscle: Annotated[
+        Path | None, typer.Option("--export-muscle", metavar="FILE", help="The same of the muscle.")
+    ] = None,
     sets: Sets = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
-    force: Annotated[bool, typer.Option("--force", help="Write over another mesh of that name.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Write over another file of that name.")] = False,
     debug: Debug = False,
 ) -> Job:
     """Mesh a design into <name>.msh, or check a given mesh (written only if --out is given)."""
     if design is None and mesh is None:
-        raise OptionError("DESIGN: missing, expected a preset, a TOML file, or --mesh FILE.msh to check")
+        wanted = "a preset, a TOML file, or --mesh FILE.msh to check"
+        raise OptionError(f"DESIGN: missing, expected {wanted if skeleton is None else 'the design of --from'}")
     if design is None and sets:
         raise OptionError("--set: found without DESIGN, expected the design that it changes")
     check_mesh(mesh, rename, size)
+    for name, given in (("--muscle", muscle), ("--unit", unit), ("--align", align), ("--landmark", landmark)):
+        if given and skeleton is None:
+            raise OptionError(f"{name}: found without --from, expected the skeleton that it goes with")
+    ways = {"--mesh": mesh, "--from": skeleton, "--export": export or export_muscle}
+    chosen = [name for name, given in ways.items() if given]
+    if len(chosen) > 1 or (design is None and "--export" in chosen):
+        raise OptionError(f"{chosen[0]}: found together with {chosen[-1]}, expected one of them")
     order = jobs.Order(design or "", out, size, mesh, rename or (), sets or (), quiet, as_json, force)
-    return partial(jobs.mesh, order)
+    own = mesh_jobs.MeshOrder(skeleton, muscle, unit, align, landmark or (), export, export_muscle)
+    return partial(mesh_jobs.mesh, order, own)
 
 
 def _solving(complete: bool, text: str) -> Callable[..., Job]:

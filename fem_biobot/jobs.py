@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fem_biobot.errors import DesignError, FileError, SolveError
-from fem_biobot.files import file_error, write_text
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -120,7 +119,7 @@ def worked(order: Order, folder: Path, work: Callable[[Reporter], dict[str, Any]
     from fem_biobot.progress import reporting
 
     try:
-        with _standard_output_free(order.json), reporting(order.quiet) as reporter:
+        with standard_output_free(order.json), reporting(order.quiet) as reporter:
             summary = work(reporter)
             # those of a result that was there already have been told to nobody yet
             for note in summary["notes"]:
@@ -140,10 +139,10 @@ def show(
 ) -> None:
     """A result on standard output: as JSON, as the folder's path, or as tables and where to look."""
     if order.json:
-        _print_json(summary)
+        print_json(summary)
         return
     if order.quiet:
-        _say(str(folder))
+        say(str(folder))
         return
 
     from fem_biobot.progress import show_tables
@@ -151,7 +150,7 @@ def show(
 
     tables, lines = words()
     show_tables(tables)
-    _say("", *lines, *where_to_look(folder))
+    say("", *lines, *where_to_look(folder))
 
 
 def walk_plan(order: Order, walking: WalkOrder) -> WalkPlan:
@@ -190,48 +189,6 @@ def walk_plan(order: Order, walking: WalkOrder) -> WalkPlan:
     return WalkPlan(frequencies or (drive.frequency,), duration, amplitude)
 
 
-def mesh(order: Order) -> int:
-    """Mesh a design into a file, or check a given mesh."""
-    from fem_biobot.config import load_design
-    from fem_biobot.design_checks import refuse_without_solid
-
-    design = load_design(order.design, order.sets) if order.design else None
-    if design is not None:
-        refuse_without_solid(design, "mesh")
-    size, names = mesh_size(order.size), region_names(order.rename)
-    if order.out is not None:
-        usable_folder(order.out)
-
-    from fem_biobot.mesh.files import mesh_for, read_mesh
-    from fem_biobot.mesh.tagged import mesh_text
-    from fem_biobot.progress import reporting, show_tables
-    from fem_biobot.results import mesh_summary, mesh_tables
-
-    with _standard_output_free(order.json), reporting(order.quiet) as reporter:
-        notes: list[str] = []
-        if order.mesh_file is not None:
-            found = read_mesh(order.mesh_file, names or None, design=design)
-        else:
-            assert design is not None
-            found, notes = mesh_for(design, size)
-        for note in notes:
-            reporter.note(note)
-    file = None
-    if order.mesh_file is None or order.out is not None:
-        title = design.name if design is not None else order.mesh_file.stem if order.mesh_file is not None else ""
-        file = (order.out or Path()) / f"{safe_name(title)}.msh"
-        _write_mesh(file, mesh_text(found), order.force)
-    summary = {**mesh_summary(found, design), "file": str(file or order.mesh_file), "notes": notes}
-    if order.json:
-        _print_json(summary)
-    elif order.quiet:
-        _say(summary["file"])
-    else:
-        show_tables(mesh_tables(summary))
-        _say("", summary["file"] if file is not None else f"{order.mesh_file}: a sound mesh; nothing was written")
-    return 0
-
-
 @dataclass(frozen=True)
 class VerifyOrder:
     """What the options of `verify` say."""
@@ -261,19 +218,19 @@ def verify(order: VerifyOrder) -> int:
         report.write(folder, done, complete=len(done) == len(cases))
 
     try:
-        with _standard_output_free(order.json), reporting(order.quiet) as reporter:
+        with standard_output_free(order.json), reporting(order.quiet) as reporter:
             verify(cases, reporter=reporter, on_outcome=keep, raising=order.debug)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"{folder}: files are whole and hold {len(done)} of {len(cases)} cases") from None
     count = Count.of(done)
     if order.json:
-        _print_json(summary(done, not_covered(), complete=True))
+        print_json(summary(done, not_covered(), complete=True))
     elif order.quiet:
-        _say(str(folder))
+        say(str(folder))
     else:
         show_tables([report.terminal_table(done)])
         missing = report.uncovered_line()
-        _say("", *([missing] if missing else []), count.words(), *report.where_to_look(folder))
+        say("", *([missing] if missing else []), count.words(), *report.where_to_look(folder))
     for line in report.failures(done):
         print(line, file=sys.stderr)  # noqa: T201
     return 0 if count.good else 1
@@ -285,7 +242,7 @@ def list_presets(as_json: bool) -> int:
 
     found = [load_design(name) for name in presets()]
     if as_json:
-        _print_json([{"name": d.name, "description": d.description, "kind": d.kind, **_key_numbers(d)} for d in found])
+        print_json([{"name": d.name, "description": d.description, "kind": d.kind, **_key_numbers(d)} for d in found])
         return 0
 
     from fem_biobot.progress import show_tables
@@ -299,15 +256,15 @@ def examine(as_json: bool) -> int:
     """What works on this machine; 1 if something is missing that every run needs."""
     from fem_biobot import doctor
 
-    with _standard_output_free(as_json):
+    with standard_output_free(as_json):
         parts = doctor.examine()
     if as_json:
-        _print_json(doctor.as_json(parts))
+        print_json(doctor.as_json(parts))
     else:
         from fem_biobot.progress import show_tables
 
         show_tables([doctor.table(parts)])
-        _say("", *doctor.verdict(parts))
+        say("", *doctor.verdict(parts))
     return 0 if doctor.works(parts) else 1
 
 
@@ -315,7 +272,7 @@ def print_schema() -> int:
     """The JSON schema of design files."""
     from fem_biobot.config import json_schema
 
-    _print_json(json_schema())
+    print_json(json_schema())
     return 0
 
 
@@ -325,7 +282,7 @@ def print_version() -> None:
         version = metadata.version("fem_biobot")
     except metadata.PackageNotFoundError:
         version = "(a checkout that is not installed)"
-    _say(f"fem-biobot {version}, Python {platform.python_version()}")
+    say(f"fem-biobot {version}, Python {platform.python_version()}")
 
 
 def mesh_size(text: str | None) -> float | None:
@@ -397,25 +354,8 @@ def _key_numbers(design: Design) -> dict[str, float]:
     return numbers
 
 
-def _write_mesh(file: Path, text: str, force: bool) -> None:
-    """Write a mesh file; another mesh of that name stays unless forced."""
-    if file.exists() and not force:
-        try:
-            same = file.read_bytes() == text.encode()
-        except OSError as error:
-            raise file_error(error, file, doing="read") from None
-        if same:
-            return
-        raise FileError(f"{file}: found another mesh, expected none; give another --out, or --force to replace it")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise file_error(error, file.parent, doing="make the folder") from None
-    write_text(file, text)
-
-
 @contextmanager
-def _standard_output_free(needed: bool) -> Iterator[None]:
+def standard_output_free(needed: bool) -> Iterator[None]:
     """Whatever the work prints goes to standard error where standard output is for JSON alone."""
     if not needed:
         yield
@@ -424,9 +364,9 @@ def _standard_output_free(needed: bool) -> Iterator[None]:
         yield
 
 
-def _print_json(value: Any) -> None:
+def print_json(value: Any) -> None:
     """JSON in plain ASCII, so that no terminal's encoding can spoil it."""
-    _say(json.dumps(value, indent=2, allow_nan=False, default=_plain))
+    say(json.dumps(value, indent=2, allow_nan=False, default=_plain))
 
 
 def _plain(value: object) -> object:
@@ -436,5 +376,5 @@ def _plain(value: object) -> object:
     return tolist()
 
 
-def _say(*lines: str) -> None:
+def say(*lines: str) -> None:
     sys.stdout.write("".join(f"{line}\n" for line in lines))

@@ -8,9 +8,11 @@ muscle's mid-section are part of the geometry, so they are vertices and facets o
 from __future__ import annotations
 
 import re
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,7 @@ from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.facets import facets
 from fem_biobot.mesh.layout import Box, Layout, layout
 from fem_biobot.mesh.naming import named_landmarks, named_surfaces, require
+from fem_biobot.mesh.solids import NONE_GIVEN, Given, drawn_muscle, drawn_skeleton, solids
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -41,6 +44,9 @@ CORNER_MIDDLE_SHARE = 0.2
 CORNER_MIDDLE_REACH = 0.4
 # how fast elements grow with the distance from a refined part
 GROWTH = 0.45
+
+# of a fillet's quarter circle in a drawing of triangles
+ARC_CHORDS = 8
 
 # beyond this a size is a slip of the pen, and the machine would be out of memory before Gmsh says so
 MOST_ELEMENTS = 2e7
@@ -69,6 +75,7 @@ _OPTIONS = {
     "Mesh.MeshSizeFactor": 1,
     "Mesh.MeshSizeMin": 0,
     "Mesh.MeshSizeMax": 1e22,
+    "Mesh.Binary": 0,
     "Geometry.OCCUnionUnify": 1,
     "Geometry.OCCParallel": 0,
 }
@@ -131,17 +138,28 @@ def build_mesh(design: Design, size: float | None = None, *, corner_share: float
         not have the design's parts and volumes.
     """
     refuse_without_solid(design, "mesh")
-    h = float(design.mesh.size if size is None else size)
+    plan = layout(design)
+    return meshed(plan, design.mesh.size if size is None else size, corner_share).checked(plan)
+
+
+def meshed(plan: Layout, size: float, corner_share: float = CORNER_SHARE, given: Given = NONE_GIVEN) -> BodyMesh:
+    """Mesh of a layout with all its surfaces and landmarks; its volumes are for the caller to check.
+
+    Raises
+    ------
+    GmshMissing, MeshError
+        As `build_mesh`; a given part that does not fit.
+    """
+    h = float(size)
     if not (np.isfinite(h) and h > 0):
         raise MeshError(f"mesh size must be a positive length, found {h:g} mm")
-    plan = layout(design)
     # a mesh has four to thirty times the elements of even tetrahedra of this size
     estimate = 30 * sum(plan.volumes.values()) / h**3
     if estimate > MOST_ELEMENTS:
         raise MeshError(f"mesh size {h:g} mm would give about {estimate:.0e} elements; expected a larger size")
     version = str(import_gmsh().__version__)
     try:
-        points, cells, regions = _GMSH.call(tetrahedra, plan, h, corner_share)
+        points, cells, regions = _GMSH.call(tetrahedra, plan, h, corner_share, given)
     except ProcessDiedError as died:
         raise MeshError(
             f"Gmsh died over the design's mesh of size {h:g} mm: {died}; a slightly different mesh.size usually works"
@@ -155,30 +173,85 @@ def build_mesh(design: Design, size: float | None = None, *, corner_share: float
     require("surface", plan.faces, surfaces)
     require("landmark", plan.landmarks, landmarks)
     source = {"generator": "gmsh", "gmsh_version": version, "size_mm": h}
-    mesh = BodyMesh(points, cells, regions, surfaces, landmarks, source)
-    return mesh.checked(plan)
+    return BodyMesh(points, cells, regions, surfaces, landmarks, source)
 
 
-def tetrahedra(plan: Layout, h: float, corner_share: float = CORNER_SHARE) -> tuple[Array, Ints, dict[str, Ints]]:
+def exported(plan: Layout, region: str, suffix: str) -> bytes:
+    """Content of a STEP or STL file (`suffix`) of one region of a layout, in mm.
+
+    Raises
+    ------
+    GmshMissing, MeshError
+        Gmsh cannot be imported; it fails.
+    """
+    import_gmsh()
+    try:
+        return _GMSH.call(drawing, plan, region, suffix)
+    except ProcessDiedError as died:
+        raise MeshError(f"Gmsh died over the drawing of the {region}: {died}") from None
+
+
+def drawing(plan: Layout, region: str, suffix: str) -> bytes:
+    """What `exported` gives, made by Gmsh in this very process."""
+    gmsh = import_gmsh()
+    with _LOCK, _session(gmsh), tempfile.TemporaryDirectory() as folder:
+        try:
+            occ = gmsh.model.occ
+            drawn_skeleton(occ, plan) if region == "skeleton" else drawn_muscle(occ, plan, [], joined=True)
+            occ.synchronize()
+            file = Path(folder) / f"{region}{suffix}"
+            if suffix == ".stl":
+                _strips(gmsh.model)
+                gmsh.option.setNumber("Mesh.Binary", 1)
+                gmsh.model.mesh.generate(2)
+            gmsh.write(str(file))
+            return file.read_bytes()
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshError(f"Gmsh could not draw the {region}: {_last_line(error)}") from error
+
+
+def tetrahedra(
+    plan: Layout, h: float, corner_share: float = CORNER_SHARE, given: Given = NONE_GIVEN
+) -> tuple[Array, Ints, dict[str, Ints]]:
     """Vertices (3, n) [mm], cells (4, e) and regions of a layout meshed by Gmsh in this very process.
+
+    Parameters
+    ----------
+    plan, h, corner_share
+        As `build_mesh` has them.
+    given
+        Parts that come from elsewhere.
 
     Raises
     ------
     MeshError
-        Gmsh fails.
+        A given part does not fit; Gmsh fails.
     """
     gmsh = import_gmsh()
     with _LOCK, _session(gmsh):
         try:
-            parts = _solids(gmsh.model.occ, plan)
+            parts = solids(gmsh.model.occ, plan, given)
             gmsh.model.occ.synchronize()
             _set_sizes(gmsh.model.mesh.field, plan, h, corner_share)
             gmsh.model.mesh.generate(3)
             for method in ("Relocate3D", ""):
                 gmsh.model.mesh.optimize(method)
             return _arrays(gmsh.model.mesh, parts)
+        except MeshError:
+            raise
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshError(f"Gmsh could not mesh the design at size {h:g} mm: {_last_line(error)}") from error
+
+
+def _strips(model: Any) -> None:
+    """Fillets as strips along their axis; plane faces have no more triangles than their corners ask for."""
+    for dim, surface in model.getEntities(2):
+        if model.getType(dim, surface) != "Cylinder":
+            continue
+        for _, curve in model.getBoundary([(dim, surface)], oriented=False):
+            straight = model.getType(1, curve) == "Line"
+            model.mesh.setTransfiniteCurve(curve, 2 if straight else 1 + ARC_CHORDS)
+        model.mesh.setTransfiniteSurface(surface)
 
 
 def _last_line(error: Exception) -> str:
@@ -208,80 +281,6 @@ def _session(gmsh: Any) -> Iterator[None]:
                 gmsh.option.setNumber(name, value)
             if current in gmsh.model.list():
                 gmsh.model.setCurrent(current)
-
-
-def _add_box(occ: Any, box: Box) -> tuple[int, int]:
-    return 3, occ.addBox(*box.low, *(b - a for a, b in zip(box.low, box.high, strict=True)))
-
-
-def _solids(occ: Any, plan: Layout) -> dict[str, list[int]]:
-    """Volumes of each region, cut against each other and through the landmarks and sections."""
-    skeleton = [_add_box(occ, box) for box in ([plan.beam] if plan.beam else []) + list(plan.pillars)]
-    if plan.fillet_radius > 0:
-        skeleton += [_fillet(occ, plan.fillet_radius, *line) for line in plan.corner_lines]
-    if len(skeleton) > 1:
-        skeleton, _ = occ.fuse(skeleton[:1], skeleton[1:])
-    muscle = [_add_box(occ, box) for box in plan.muscle]
-    if plan.holes:
-        muscle, _ = occ.cut(muscle, [_add_box(occ, box) for box in plan.holes])
-    sections = [(2, _section(occ, plan.muscle, x)) for x in plan.cuts]
-    if plan.beam:
-        sections += [(2, _section(occ, (plan.beam,), x)) for x in plan.beam_cuts]
-    # fusing made one face of a pillar's side and the beam's: part them again, so that a pillar's face ends at the beam
-    sections += [(2, _level(occ, box, box.high[2])) for box in plan.pillars]
-    # the middle layer gives every mesh two elements across the thin muscle
-    sections += [(2, _level(occ, box, (box.low[2] + box.high[2]) / 2)) for box in plan.thin]
-    marks = [(0, occ.addPoint(*position)) for position in plan.landmarks.values()]
-    whole = skeleton + muscle
-    _, children = occ.fragment(whole, sections + marks)
-    parts: dict[str, list[int]] = {}
-    for name, first, last in (("skeleton", 0, len(skeleton)), ("muscle", len(skeleton), len(whole))):
-        found = {tag for child in children[first:last] for dim, tag in child if dim == 3}
-        if found:
-            parts[name] = sorted(found)
-    # what of the sections lies outside the muscle is no part of the body
-    loose = {tag for child in children[len(whole) :] for dim, tag in child if dim == 2}
-    for tag in sorted(loose):
-        occ.remove([(2, tag)], recursive=True)
-    return parts
-
-
-def _section(occ: Any, boxes: tuple[Box, ...], x: float) -> int:
-    """Rectangle normal to x that cuts through all of the boxes at `x`."""
-    boxes = tuple(box for box in boxes if box.low[0] < x < box.high[0])
-    y0, y1 = min(b.low[1] for b in boxes), max(b.high[1] for b in boxes)
-    z0, z1 = min(b.low[2] for b in boxes), max(b.high[2] for b in boxes)
-    return _polygon(occ, [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)])
-
-
-def _level(occ: Any, box: Box, z: float) -> int:
-    """Rectangle normal to z at the height `z` of a box."""
-    (x0, y0, _), (x1, y1, _) = box.low, box.high
-    return _polygon(occ, [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)])
-
-
-def _polygon(occ: Any, positions: list[tuple[float, float, float]]) -> int:
-    corners = [occ.addPoint(*position) for position in positions]
-    lines = [occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-    return occ.addPlaneSurface([occ.addCurveLoop(lines)])
-
-
-def _fillet(occ: Any, r: float, start: tuple[float, ...], end: tuple[float, ...], sign: float) -> tuple[int, int]:
-    """Prism that rounds the corner line `start` to `end` of a pillar and the beam's lower face with radius `r`."""
-    x, y, z = start
-    corner = occ.addPoint(x, y, z)
-    under_beam = occ.addPoint(x + sign * r, y, z)
-    on_pillar = occ.addPoint(x, y, z - r)
-    centre = occ.addPoint(x + sign * r, y, z - r)
-    loop = occ.addCurveLoop(
-        [
-            occ.addLine(corner, under_beam),
-            occ.addCircleArc(under_beam, centre, on_pillar),
-            occ.addLine(on_pillar, corner),
-        ]
-    )
-    solids = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, end[1] - y, 0)
-    return next(entity for entity in solids if entity[0] == 3)
 
 
 def _set_sizes(field: Any, plan: Layout, h: float, corner_share: float) -> None:

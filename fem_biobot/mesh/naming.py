@@ -108,11 +108,19 @@ def named_landmarks(wanted: Mapping[str, tuple[float, float, float]], points: Ar
     return found
 
 
+class MissingError(MeshError):
+    """A mesh lacks what its design names; `kind` is ``surface`` or ``landmark``."""
+
+    def __init__(self, kind: str, names: list[str]) -> None:
+        self.kind = kind
+        super().__init__(f"the mesh has no {kind} {', '.join(names)}, which its design asks for")
+
+
 def require(kind: str, wanted: Mapping[str, object], found: Mapping[str, object]) -> None:
-    """Refuse a mesh that lacks a surface or landmark which the design promises."""
+    """Refuse a mesh that lacks a surface or landmark which the design promises; see `MissingError`."""
     missing = sorted(set(wanted) - set(found))
     if missing:
-        raise MeshError(f"the mesh has no {kind} {', '.join(missing)}, which its design asks for")
+        raise MissingError(kind, missing)
 
 
 def _on_face(face: Face, points: Array, table: Facets, tolerance: float) -> Ints:

@@ -1,0 +1,159 @@
+"""A person's own skeleton, from STEP or STL, meshed with the muscle of a design; and a design's parts as such files.
+
+The design stays what says where things are: the given skeleton has its box, its feet and the ends of its span, and may
+differ from the drawn one in details (rounded edges, holes) of a fiftieth of its volume. The muscle is built round
+the given pillars from the design's lengths, or given too.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from scipy.spatial import KDTree
+
+from fem_biobot.design import Design
+from fem_biobot.design_checks import refuse_without_solid
+from fem_biobot.errors import MeshError
+from fem_biobot.files import file_error, write_bytes
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.checks import check_volumes
+from fem_biobot.mesh.geometry import exported, meshed
+from fem_biobot.mesh.layout import Point, layout
+from fem_biobot.mesh.naming import MissingError
+from fem_biobot.mesh.solids import Given, Part
+from fem_biobot.mesh.stl import UNITS, read_stl
+from fem_biobot.mesh.tagged import VOLUME_TOLERANCE
+
+SUFFIXES = (".step", ".stp", ".stl")
+REGIONS = ("skeleton", "muscle")
+
+
+def import_mesh(
+    design: Design,
+    skeleton: str | os.PathLike[str],
+    *,
+    muscle: str | os.PathLike[str] | None = None,
+    unit: str | None = None,
+    size: float | None = None,
+    align: bool = False,
+    landmarks: Mapping[str, Point] | None = None,
+) -> BodyMesh:
+    """Mesh of a given skeleton with the muscle of a design, conforming, with the design's names.
+
+    Parameters
+    ----------
+    design
+        A bot, or a cantilever, of the skeleton's lengths.
+    skeleton
+        STEP or STL file; STEP says its unit itself.
+    muscle
+        The same of the muscle, in the skeleton's frame; by default it is built round the pillars.
+    unit
+        Of the numbers in STL files: mm, cm, m, um or in.
+    size
+        General element size [mm]; that of the design if None.
+    align
+        Move the parts so that the skeleton's box is the design's; its axes must be those of the design.
+    landmarks
+        Positions [mm] instead of the design's, for names that it knows.
+
+    Returns
+    -------
+    BodyMesh
+        Checked, with the regions, surfaces and landmarks of the design: landmarks are part of the geometry, so
+        vertices.
+
+    Raises
+    ------
+    GmshMissing, FileError
+        Gmsh cannot be imported; a file cannot be read.
+    MeshError
+        A file without a closed body, of another unit or place, of another machine (box, or volume beyond 2 %), without
+        a face or point that the design names; a muscle that overlaps the skeleton or does not touch it.
+    """
+    refuse_without_solid(design, "mesh")
+    plan = layout(design)
+    if "skeleton" not in plan.volumes:
+        raise MeshError(
+            f"kind: found {design.kind}, which has no skeleton; expected bot or cantilever to mesh {skeleton}"
+        )
+    if muscle is not None and "muscle" not in plan.volumes:
+        raise MeshError(f"kind: found {design.kind}, which has no muscle; expected bot to mesh {muscle}")
+    moved = dict(landmarks or {})
+    unknown = sorted(set(moved) - set(plan.landmarks))
+    if unknown:
+        raise MeshError(f"landmark {unknown[0]}: unknown, expected one of: {', '.join(plan.landmarks)}")
+    plan = replace(plan, landmarks={**plan.landmarks, **moved})
+    given = Given(_part(skeleton, unit), None if muscle is None else _part(muscle, unit), align)
+    try:
+        mesh = meshed(plan, design.mesh.size if size is None else size, given=given)
+    except MissingError as error:
+        advice = "; give its place with --landmark NAME=X,Y,Z" if error.kind == "landmark" else ""
+        raise MeshError(f"{skeleton}: {error}{advice}") from None
+    if "muscle" in mesh.regions and "interface" not in mesh.surfaces:
+        one, other = (mesh.points[:, mesh.region_vertices(name)].T for name in REGIONS)
+        gap = float(KDTree(one).query(other)[0].min())
+        raise MeshError(
+            f"{muscle or skeleton}: the muscle does not touch the skeleton, vertices are {gap:.3g} mm apart"
+        )
+    slack = {name: VOLUME_TOLERANCE * volume for name, volume in plan.volumes.items()}
+    check_volumes(mesh.region_volumes(), plan.volumes, slack)
+    source = {**mesh.source, "skeleton": Path(skeleton).name, "muscle": Path(muscle).name if muscle else "built"}
+    return BodyMesh(mesh.points, mesh.cells, mesh.regions, mesh.surfaces, mesh.landmarks, source).checked()
+
+
+def export_part(design: Design, path: str | os.PathLike[str], region: str = "skeleton") -> None:
+    """Write a part of a design as STEP or STL in mm, in the frame of the design.
+
+    Parameters
+    ----------
+    design
+        Whose part.
+    path
+        File ending in .step, .stp or .stl.
+    region
+        ``skeleton`` or ``muscle``.
+
+    Raises
+    ------
+    GmshMissing, MeshError
+        Gmsh cannot be imported; the design has no such part.
+    FileError
+        The file cannot be written.
+    """
+    refuse_without_solid(design, "mesh")
+    suffix, plan = _suffix(path), layout(design)
+    if region not in plan.volumes:
+        raise MeshError(f"{path}: found no {region} in a design of kind {design.kind}, expected one to export")
+    write_bytes(path, exported(plan, region, suffix))
+
+
+def _suffix(path: str | os.PathLike[str]) -> str:
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise MeshError(
+            f"{path}: found a name that ends in {suffix or 'nothing'}, expected one of: {', '.join(SUFFIXES)}"
+        )
+    return suffix
+
+
+def _part(path: str | os.PathLike[str], unit: str | None) -> Part:
+    """A person's part, read as far as that goes without Gmsh."""
+    if _suffix(path) == ".stl":
+        if unit is None:
+            raise MeshError(f"{path}: an STL file does not say its unit; give it with --unit {'|'.join(UNITS)}")
+        return Part(str(path), read_stl(path, unit))
+    if unit is not None and unit != "mm":
+        raise MeshError(f"{path}: unit: found {unit}, but a STEP file says its own; leave it out")
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(13)
+    except OSError as error:
+        raise file_error(error, path, doing="read") from None
+    if head != b"ISO-10303-21;":
+        raise MeshError(f"{path}: this is no STEP file, whose first line is ISO-10303-21;")
+    # read by a helper process, which may be elsewhere
+    return Part(str(Path(path).absolute()))

@@ -1,0 +1,253 @@
+"""The solids of a layout in Gmsh's OpenCASCADE model: drawn from its numbers, or given by a person's files.
+
+Speaks to the model it is handed and imports no Gmsh: `geometry` starts it, in a process of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.errors import MeshError
+from fem_biobot.mesh.layout import Box, Layout
+from fem_biobot.mesh.stl import PlaneFaces
+
+Array = NDArray[np.float64]
+
+# of the longest edge of the skeleton's box: landmarks of the design would lie beside its faces, not on them
+ALIGNED = 1e-6
+# of the smaller part: beyond this two parts want the same place
+OVERLAP = 1e-6
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a person's own: the file, and the faces where it was a surface; a STEP file is read by OpenCASCADE."""
+
+    file: str
+    faces: PlaneFaces | None = None
+
+
+@dataclass(frozen=True)
+class Given:
+    """Parts that are given instead of drawn; `align` moves them so that the skeleton's box is the layout's."""
+
+    skeleton: Part | None = None
+    muscle: Part | None = None
+    align: bool = False
+
+
+NONE_GIVEN = Given()
+
+
+def _add_box(occ: Any, box: Box) -> tuple[int, int]:
+    return 3, occ.addBox(*box.low, *(b - a for a, b in zip(box.low, box.high, strict=True)))
+
+
+def solids(occ: Any, plan: Layout, given: Given = NONE_GIVEN) -> dict[str, list[int]]:
+    """Volumes of each region, cut against each other and through the landmarks and sections.
+
+    Raises
+    ------
+    MeshError
+        A given part has no volume, is not where the layout has it, or overlaps another.
+    """
+    if given.skeleton is None:
+        skeleton, shift = drawn_skeleton(occ, plan), np.zeros(3)
+        muscle = drawn_muscle(occ, plan, [])
+    else:
+        skeleton, shift = _given_skeleton(occ, plan, given.skeleton, given.align)
+        muscle = _imported(occ, given.muscle) if given.muscle else drawn_muscle(occ, plan, skeleton)
+        if given.muscle:
+            occ.translate(muscle, *shift)
+    sections = [(2, _section(occ, plan.muscle, x)) for x in plan.cuts]
+    if plan.beam:
+        sections += [(2, _section(occ, (plan.beam,), x)) for x in plan.beam_cuts]
+    # fusing made one face of a pillar's side and the beam's: part them again, so that a pillar's face ends at the beam
+    sections += [(2, _level(occ, box, box.high[2])) for box in plan.pillars]
+    # the middle layer gives every mesh two elements across the thin muscle
+    sections += [(2, _level(occ, box, (box.low[2] + box.high[2]) / 2)) for box in plan.thin]
+    marks = [(0, occ.addPoint(*position)) for position in plan.landmarks.values()]
+    whole = skeleton + muscle
+    _, children = occ.fragment(whole, sections + marks)
+    _refuse_overlap(occ, given, children[: len(skeleton)], children[len(skeleton) : len(whole)])
+    parts: dict[str, list[int]] = {}
+    for name, first, last in (("skeleton", 0, len(skeleton)), ("muscle", len(skeleton), len(whole))):
+        found = {tag for child in children[first:last] for dim, tag in child if dim == 3}
+        if found:
+            parts[name] = sorted(found)
+    # what of the sections lies outside the muscle is no part of the body
+    loose = {tag for child in children[len(whole) :] for dim, tag in child if dim == 2}
+    for tag in sorted(loose):
+        occ.remove([(2, tag)], recursive=True)
+    return parts
+
+
+def drawn_skeleton(occ: Any, plan: Layout) -> list[tuple[int, int]]:
+    """The skeleton of a layout as one solid; none where it has none."""
+    skeleton = [_add_box(occ, box) for box in ([plan.beam] if plan.beam else []) + list(plan.pillars)]
+    if plan.fillet_radius > 0:
+        skeleton += [_fillet(occ, plan.fillet_radius, *line) for line in plan.corner_lines]
+    if len(skeleton) > 1:
+        skeleton, _ = occ.fuse(skeleton[:1], skeleton[1:])
+    return skeleton
+
+
+def drawn_muscle(
+    occ: Any, plan: Layout, skeleton: list[tuple[int, int]], *, joined: bool = False
+) -> list[tuple[int, int]]:
+    """The muscle of a layout, as its parts or `joined` to one solid.
+
+    What of a given skeleton would lie in it is cut out, so that it fits the very pillars.
+    """
+    muscle = [_add_box(occ, box) for box in plan.muscle]
+    if plan.holes and not (skeleton and plan.thin):
+        muscle, _ = occ.cut(muscle, [_add_box(occ, box) for box in plan.holes])
+    if muscle and skeleton:
+        muscle, _ = occ.cut(muscle, skeleton, removeTool=False)
+    if joined and len(muscle) > 1:
+        muscle, _ = occ.fuse(muscle[:1], muscle[1:])
+    return muscle
+
+
+def _section(occ: Any, boxes: tuple[Box, ...], x: float) -> int:
+    """Rectangle normal to x that cuts through all of the boxes at `x`."""
+    boxes = tuple(box for box in boxes if box.low[0] < x < box.high[0])
+    y0, y1 = min(b.low[1] for b in boxes), max(b.high[1] for b in boxes)
+    z0, z1 = min(b.low[2] for b in boxes), max(b.high[2] for b in boxes)
+    return _polygon(occ, [(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)])
+
+
+def _level(occ: Any, box: Box, z: float) -> int:
+    """Rectangle normal to z at the height `z` of a box."""
+    (x0, y0, _), (x1, y1, _) = box.low, box.high
+    return _polygon(occ, [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)])
+
+
+def _polygon(occ: Any, positions: list[tuple[float, float, float]]) -> int:
+    corners = [occ.addPoint(*position) for position in positions]
+    lines = [occ.addLine(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    return occ.addPlaneSurface([occ.addCurveLoop(lines)])
+
+
+def _fillet(occ: Any, r: float, start: tuple[float, ...], end: tuple[float, ...], sign: float) -> tuple[int, int]:
+    """Prism that rounds the corner line `start` to `end` of a pillar and the beam's lower face with radius `r`."""
+    x, y, z = start
+    corner = occ.addPoint(x, y, z)
+    under_beam = occ.addPoint(x + sign * r, y, z)
+    on_pillar = occ.addPoint(x, y, z - r)
+    centre = occ.addPoint(x + sign * r, y, z - r)
+    loop = occ.addCurveLoop(
+        [
+            occ.addLine(corner, under_beam),
+            occ.addCircleArc(under_beam, centre, on_pillar),
+            occ.addLine(on_pillar, corner),
+        ]
+    )
+    solids = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, end[1] - y, 0)
+    return next(entity for entity in solids if entity[0] == 3)
+
+
+def _imported(occ: Any, part: Part) -> list[tuple[int, int]]:
+    """Solids of a person's part [mm]."""
+    if part.faces is not None:
+        return [(3, _from_faces(occ, part.faces))]
+    found = [entity for entity in occ.importShapes(part.file) if entity[0] == 3]
+    if not found:
+        raise MeshError(f"{part.file}: holds no volume; expected a solid (in CAD: knit the surfaces into a body)")
+    return found
+
+
+def _from_faces(occ: Any, faces: PlaneFaces) -> int:
+    """Solid within plane faces; neighbours share their lines."""
+    points = [occ.addPoint(*position) for position in faces.points.T.tolist()]
+    lines: dict[tuple[int, int], int] = {}
+
+    def line(a: int, b: int) -> int:
+        if (b, a) in lines:
+            return -lines[b, a]
+        if (a, b) not in lines:
+            lines[a, b] = occ.addLine(points[a], points[b])
+        return lines[a, b]
+
+    surfaces = []
+    for loops in faces.loops:
+        wires = [
+            occ.addCurveLoop([line(a, b) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]) for loop in loops
+        ]
+        surfaces.append(occ.addPlaneSurface(wires))
+    return occ.addVolume([occ.addSurfaceLoop(surfaces)])
+
+
+def _given_skeleton(occ: Any, plan: Layout, part: Part, align: bool) -> tuple[list[tuple[int, int]], Array]:
+    """A person's skeleton as one solid in its place, and how far it was moved (3,) [mm]."""
+    skeleton = _imported(occ, part)
+    if len(skeleton) > 1:
+        skeleton, _ = occ.fuse(skeleton[:1], skeleton[1:])
+    if len(skeleton) > 1:
+        raise MeshError(f"{part.file}: holds {len(skeleton)} bodies that do not touch; expected one skeleton")
+    corners = np.array([occ.getBoundingBox(*entity) for entity in skeleton])
+    found = np.array([corners[:, :3].min(axis=0), corners[:, 3:].max(axis=0)])
+    shift = shift_to(part.file, found, skeleton_box(plan), align=align)
+    if shift.any():
+        occ.translate(skeleton, *shift)
+    return skeleton, shift
+
+
+def skeleton_box(plan: Layout) -> Array:
+    """Lowest and highest corner of a layout's skeleton, rows, (2, 3) [mm]."""
+    boxes = [*([plan.beam] if plan.beam else []), *plan.pillars]
+    if not boxes:
+        raise MeshError("the design has no skeleton; expected a bot or a cantilever")
+    return np.array([np.min([b.low for b in boxes], axis=0), np.max([b.high for b in boxes], axis=0)])
+
+
+def shift_to(file: str, found: Array, wanted: Array, *, align: bool) -> Array:
+    """How far a box, rows (2, 3), has to be moved to be another of the same lengths, (3,) [mm]; zero if it is there.
+
+    Raises
+    ------
+    MeshError
+        Its lengths are others (in another unit, or turned, as the message says), or it is elsewhere and shall not be
+        moved.
+    """
+    long, asked = found[1] - found[0], wanted[1] - wanted[0]
+    slack = ALIGNED * float(asked.max())
+    if np.abs(long - asked).max() > 2.0 * slack:
+        hint = "; set the design's lengths to those of the skeleton"
+        factor = float(np.median(asked / np.maximum(long, 1e-300)))
+        if np.allclose(long * factor, asked, rtol=0.02) and not 0.5 < factor < 2.0:
+            much = f"{factor:.3g} times too small" if factor > 1.0 else f"{1.0 / factor:.3g} times too large"
+            hint = f"; all of it is {much}: is its unit right?"
+        elif np.abs(np.sort(long) - np.sort(asked)).max() <= 2.0 * slack:
+            hint = "; it is turned: x runs from the short to the long pillar, z is up"
+        raise MeshError(f"{file}: the skeleton is {_sizes(long)}, but that of the design is {_sizes(asked)}{hint}")
+    shift = wanted.mean(axis=0) - found.mean(axis=0)
+    if np.abs(shift).max() <= slack:
+        return np.zeros(3)
+    if not align:
+        away = ", ".join(f"{0.0 - d:.4g}" for d in shift)
+        raise MeshError(
+            f"{file}: the skeleton lies ({away}) mm from its place (x = 0 at mid-span, "
+            "y = 0 at mid-width, z = 0 at the sole of the longest pillar); move it, or ask for --align"
+        )
+    return shift
+
+
+def _sizes(lengths: Array) -> str:
+    return " x ".join(f"{length:.6g}" for length in lengths) + " mm"
+
+
+def _refuse_overlap(occ: Any, given: Given, skeleton: list[Any], muscle: list[Any]) -> None:
+    """Refuse a given muscle that lies in the skeleton; a drawn one was cut by it."""
+    if given.muscle is None:
+        return
+    first, second = ({entity for child in part for entity in child if entity[0] == 3} for part in (skeleton, muscle))
+    volumes = {entity: occ.getMass(*entity) for entity in first | second}
+    common = sum(volumes[entity] for entity in first & second)
+    smaller = min(sum(volumes[entity] for entity in part) for part in (first, second))
+    if common > OVERLAP * smaller:
+        raise MeshError(f"{given.muscle.file}: the muscle overlaps the skeleton in {common:.3g} mm^3; expected none")

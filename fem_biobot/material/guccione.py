@@ -31,8 +31,8 @@ class Guccione(Isochoric):
     a0
         Unit fibre direction in the reference body, (3,), or (3, e) over all elements [1].
     exponent_fibre, exponent_across, exponent_shear
-        ``bf``, ``bt``, ``bfs`` [1]. The defaults 8, 2, 4 are of NATIVE HEART muscle (the third problem of Land et al.
-        2015, there with c = 2 kPa).
+        ``bf``, ``bt``, ``bfs`` [1]. The defaults 8, 2, 4 are of NATIVE HEART muscle (the first problem of Land et al.
+        2015, there with c = 2 kPa, which is case S12 of the verification).
 
     Notes
     -----

@@ -38,8 +38,8 @@ class HolzapfelOgden(Isochoric):
 
     Notes
     -----
-    The fibre terms of Holzapfel and Ogden (2009), whose matrix is exponential and has sheets; the form is that which
-    fenicsx-pulse documents too, the two constants were not checked against the paper's own table. The invariants of the
+    The fibre terms of Holzapfel and Ogden (2009), whose matrix is exponential and has sheets. Form and constants are
+    those that fenicsx-pulse has too, which names the second row of the paper's Table 1 for them. The invariants of the
     whole strain are taken, since those without volume let fibres swell unstretched (Nolan et al. 2014). The stress is
     continuous where fibres become slack, its tangent is not. The exponent is refused beyond 460 with `OutsideLawError`.
     """

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from fem_biobot.errors import DesignError
 from fem_biobot.verification import (
+    cardiac,
     contact,
     contact_sticking,
     cook,
@@ -24,7 +25,7 @@ from fem_biobot.verification.records import Case
 
 # every case that there shall be, in order
 IDS = (
-    *(f"S{k}" for k in range(1, 12)),
+    *(f"S{k}" for k in range(1, 13)),
     *(f"R{k}" for k in range(1, 10)),
     *(f"C{k}" for k in range(1, 7)),
     *(f"B{k}" for k in range(1, 4)),
@@ -35,6 +36,7 @@ _FAMILIES = (
     cook,
     solid_machine,
     muscle_and_spring,
+    cardiac,
     rods,
     rod_systems,
     rod_turned,

@@ -24,6 +24,7 @@ from fem_biobot import (
     Ground,
     NeoHooke,
     PointLoad,
+    Pressure,
     Section,
     SolidModel,
     Symmetry,
@@ -31,6 +32,7 @@ from fem_biobot import (
 )
 from fem_biobot.material import law_from
 from fem_biobot.verification import (
+    cardiac,
     contact,
     contact_sticking,
     cook,
@@ -50,7 +52,7 @@ from fem_biobot.verification.rod_parts import rod_of
 
 Patch = pytest.MonkeyPatch
 MODULES = (
-    contact, contact_sticking, cook, machine, muscle_and_spring, rod_systems, rods, solid_machine, walker,
+    cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, rod_systems, rods, solid_machine, walker,
 )  # fmt: skip
 # case to the words of a row that must fail, and the fault
 FAULTS: dict[str, tuple[str, Callable[[Patch], None]]] = {}
@@ -122,6 +124,11 @@ def _moment_arm_to_another_plane(patch: Patch) -> None:
 @fault("S11", "strain at 0.4, solid")
 def _a_softer_spring(patch: Patch) -> None:
     patch.setattr(muscle_and_spring, "Foundation", lambda name, k: Foundation(name, (1.0 - 1e-7) * k))
+
+
+@fault("S12", "height of the free end")
+def _a_dead_pressure(patch: Patch) -> None:
+    patch.setattr(cardiac, "Pressure", lambda surface, value: Pressure(surface, value, follower=False))
 
 
 @fault("R1", "x / L, half of it")

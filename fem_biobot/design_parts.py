@@ -62,6 +62,7 @@ from fem_biobot.design_kinds import (
     SpreadKind,
     Switch,
     Tension,
+    Training,
     WalkerStart,
     Waveform,
 )
@@ -267,7 +268,12 @@ class Drive(Record, frozen=True):
         description="How the amplitude depends on the frequency, as a factor that is 1 at 2 Hz: given, not at all; "
         "paper_2018, the paper's simulated forces; drennan_2025, twitches of C2C12 rings",
     )
-    exercise: Gain = Field(default=1.0, description="Gain in force from training, an assumption of the user [1]")
+    training: Training = Field(
+        default="none",
+        description="Published gain in force: ito_2014, 4.5 by pulses at 1 Hz until day 14; kim_2019, 1.31 by 20 minutes "
+        "of electrical and mechanical stimulation in turn",
+    )
+    exercise: Gain = Field(default=1.0, description="Further gain in force, an assumption of the user [1]")
     fatigue_time: OptionalTime = Field(
         default=None, description="Time constant with which force falls while driven, an assumption of the user [s]"
     )

@@ -126,6 +126,8 @@ def test_frequency_exercise_and_fatigue_scale_the_drive() -> None:
     assert tired(0.0) == pytest.approx(1.5)
     assert tired(20.0) == pytest.approx(1.5 * (0.4 + 0.6 / math.e))
     assert tired(1e4) == pytest.approx(0.6)
+    for training, gain in (("none", 1.0), ("ito_2014", 4.5), ("kim_2019", 1.31)):
+        assert drive(waveform="constant", training=training, exercise=1.2)(0.1) == pytest.approx(1.2 * gain)
 
 
 def test_steps_that_jump_over_pulses_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -270,7 +270,7 @@ class Drive(Record, frozen=True):
     )
     training: Training = Field(
         default="none",
-        description="Published gain in force: ito_2014, 4.5 by pulses at 1 Hz until day 14; kim_2019, 1.31 by 20 minutes "
+        description="Published gain in force: ito_2014, 4.5 by pulses at 1 Hz until day 14; kim_2019, 1.31 by 20 min "
         "of electrical and mechanical stimulation in turn",
     )
     exercise: Gain = Field(default=1.0, description="Further gain in force, an assumption of the user [1]")

@@ -18,10 +18,10 @@ from fem_biobot.muscle.drive import PAPER_ACTIVE_FORCE, paper_active_force
 from fem_biobot.muscle.twitch import TWITCH, potentiation
 from fem_biobot.units import format_quantity
 
-# Gains in force of engineered C2C12 tissue by training [1]. Ito et al. (2014, Sci. Rep. 4, 4781): pulses of 0.3 V/mm and
-# 4 ms at 1 Hz without pause, force 4.5-fold at day 14. Kim et al. (2019, Sci. Rep. 9, 2937): electrical and mechanical
-# stimulation in turn, 18 % more force after 3 minutes and 31 % after 20. How fatigue goes on is not known in numbers for
-# such tissue: its exponential fall is an assumption of form, and the design has to give both of its constants.
+# Gains in force of engineered tissue by training [1]. Ito et al. (2014, doi 10.1038/srep04781): pulses of 0.3 V/mm and
+# 4 ms at 1 Hz without pause, force 4.5-fold at day 14. Kim et al. (2019, doi 10.1038/s41598-019-39522-6): electrical
+# and mechanical stimulation in turn, 18 % more force after 3 minutes, 31 % after 20. How fatigue goes on is not known
+# in numbers for such tissue: its exponential fall is an assumption, and the design has to give both of its constants.
 TRAINING: dict[str, float] = {"none": 1.0, "ito_2014": 4.5, "kim_2019": 1.31}
 # of the rise of a twitch that a step may take; a coarser one misses its peak by some percent
 _STEPS_IN_RISE = 4.0

@@ -195,6 +195,11 @@ def _check_drive(design: Design) -> None:
             if drive.pulses > 1
             else "drive.pulse_rate: found without drive.pulses, expected a burst of two stimuli or more with it"
         )
+    if drive.fatigue != "given" and drive.fatigue_time is not None:
+        raise DesignError(
+            f"drive.fatigue_time: found {format_quantity(drive.fatigue_time, 's')} with drive.fatigue "
+            f'"{drive.fatigue}", which has its own; expected one of the two'
+        )
     if drive.fatigue_rest > 0.0 and drive.fatigue_time is None:
         raise DesignError(
             f"drive.fatigue_rest: found {drive.fatigue_rest:g} without drive.fatigue_time, expected both or none"

@@ -21,6 +21,7 @@ from fem_biobot.design_kinds import (
     Density,
     Diffusivity,
     Element,
+    Fatigue,
     Force,
     ForceLength,
     Fraction,
@@ -274,6 +275,11 @@ class Drive(Record, frozen=True):
         "of electrical and mechanical stimulation in turn",
     )
     exercise: Gain = Field(default=1.0, description="Further gain in force, an assumption of the user [1]")
+    fatigue: Fatigue = Field(
+        default="given",
+        description="How force falls while driven: by fatigue_time and fatigue_rest, or as that of native fast or slow "
+        "mouse muscle under hard stimulation (Cairns et al. 2009)",
+    )
     fatigue_time: OptionalTime = Field(
         default=None, description="Time constant with which force falls while driven, an assumption of the user [s]"
     )

@@ -126,6 +126,8 @@ def test_frequency_exercise_and_fatigue_scale_the_drive() -> None:
     assert tired(0.0) == pytest.approx(1.5)
     assert tired(20.0) == pytest.approx(1.5 * (0.4 + 0.6 / math.e))
     assert tired(1e4) == pytest.approx(0.6)
+    for native, left in (("mouse_fast_2009", 0.08), ("mouse_slow_2009", 0.41)):
+        assert drive(waveform="constant", fatigue=native)(95.0) == pytest.approx(left)
     for training, gain in (("none", 1.0), ("ito_2014", 4.5), ("kim_2019", 1.31)):
         assert drive(waveform="constant", training=training, exercise=1.2)(0.1) == pytest.approx(1.2 * gain)
 
@@ -172,6 +174,10 @@ def test_steps_that_jump_over_pulses_are_refused(tmp_path: Path, capsys: pytest.
         (("drive.waveform=twitch", "drive.pulses=0"), r"drive\.pulses: found 0, expected between 1 and"),
         (("drive.pulses=3",), r"drive\.pulses: found 3 with drive\.waveform \"abs_sine\", expected 1"),
         (("drive.fatigue_rest=0.3",), r"drive\.fatigue_rest: found 0\.3 without drive\.fatigue_time"),
+        (
+            ("drive.fatigue=mouse_fast_2009", "drive.fatigue_time=20 s"),
+            r'drive\.fatigue_time: found 20 s with drive\.fatigue "mouse_fast_2009"',
+        ),
         (("drive.exercise=0",), r"drive\.exercise: found 0, expected above 0"),
     ],
 )

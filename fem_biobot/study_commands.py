@@ -80,3 +80,28 @@ def _check_command(
     """Will it work? Closed forms in a second: bending, collapse, strains, oxygen, friction; a verdict a row."""
     order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
     return partial(study_jobs.check, order)
+
+
+@study.command("search")
+def _search_command(
+    design: DesignName,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="KEY=FROM..TO", help="skeleton.beam_thickness=0.4mm..1mm; one or two keys."),
+    ] = None,
+    target: Annotated[
+        list[str] | None,
+        typer.Option("--target", metavar="WHAT=VALUE", help="stroke=0.5mm, closing, sagitta, force=2mN, ..."),
+    ] = None,
+    model: Annotated[str, typer.Option("--model", metavar="MODEL", help="Who answers: rod or solid.")] = "rod",
+    points: Annotated[int, typer.Option("--points", metavar="N", help="Values of each key tried at first.")] = 5,
+    out: Out = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """The inverse question: which value of a key gives a wanted stroke or force; ends with 1 if none does."""
+    order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
+    return partial(study_jobs.search, order, tuple(vary or ()), tuple(target or ()), model, points)

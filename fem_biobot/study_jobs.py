@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fem_biobot.design_checks import refuse_without_solid
+from fem_biobot.errors import DesignError
 from fem_biobot.jobs import Order, mesh_size, result_folder, safe_name, show, usable_folder, worked
 
 if TYPE_CHECKING:
@@ -97,4 +99,41 @@ def check(order: Order) -> int:
 
     summary = worked(order, folder, job)
     show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    return 0
+
+
+def search(order: Order, vary: tuple[str, ...], targets: tuple[str, ...], model: str, points: int) -> int:
+    """Which values of one or two keys give a wanted stroke or force; 1 if none does."""
+    from fem_biobot.config import load_design
+    from fem_biobot.study.search import SearchPlan, parse_range, parse_target
+    from fem_biobot.study.search_models import Model, refuse_without_stroke
+
+    design = load_design(order.design, order.sets)
+    refuse_without_stroke(design)
+    if model not in list(Model):
+        raise DesignError(f"--model: found {model}, expected one of: {', '.join(Model)}")
+    ranges, wanted = tuple(map(parse_range, vary)), tuple(map(parse_target, targets))
+    plan = SearchPlan(ranges, wanted, Model(model), points)
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_search")
+
+    from fem_biobot.study.finding import examine, tables_of
+    from fem_biobot.study.search_finding import search_finding
+
+    def job(reporter: Reporter) -> dict[str, Any]:
+        def work(design: Design, figures: Path) -> Finding:
+            if plan.model is Model.solid:
+                from fem_biobot.solid.compiling import compile_kernels
+
+                compile_kernels(reporter, design.mesh.element)
+            return search_finding(design, plan, figures, reporter)
+
+        return examine(
+            design, folder, "search", work, mesh=plan.text, kind="study", force=order.force, reporter=reporter
+        )
+
+    summary = worked(order, folder, job)
+    show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))
+    if not summary["search"]["reached"]:
+        print(summary["remarks"][0], file=sys.stderr)  # noqa: T201
+        return 1
     return 0

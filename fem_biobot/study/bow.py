@@ -72,9 +72,10 @@ def bending_stiffness(design: Design) -> float:
 
 def full_pull(design: Design, drive: float) -> float:
     """Force of the muscle at the length it was made at, Eq. 1: tension, section, ``gamma sin(theta)`` [mN]."""
-    muscle = design.value("muscle")
-    tension = muscle.passive_tension + drive * muscle.active_tension
-    return viable_gamma(design) * math.sin(muscle.theta) * tension * design.junction_section
+    muscle, gamma = design.value("muscle"), viable_gamma(design)
+    standing = 1.0 if muscle.gamma_scales == "active" else gamma
+    tension = standing * muscle.passive_tension + gamma * drive * muscle.active_tension
+    return math.sin(muscle.theta) * tension * design.junction_section
 
 
 def buckling_load(design: Design) -> float:

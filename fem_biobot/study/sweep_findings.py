@@ -47,7 +47,7 @@ def sweep_rows(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]]) -> list[
         row = found.get(case.key)
         if row is None:
             continue
-        parameters = {column(key): _told(key, value) for key, value in case.values.items()}
+        parameters = {column(key): told(key, value) for key, value in case.values.items()}
         start = {"case": case.number, **parameters, "status": row["status"], "reason": row["reason"]}
         judged = {"works": overall(row["check"]), "against": against(row["check"])}
         rows.append({**start, **row["outputs"], **judged, "key": case.key})
@@ -119,7 +119,7 @@ def _numbers(rows: Sequence[Row], name: str) -> np.ndarray | None:
     return np.array(values, dtype=float)
 
 
-def _told(key: str, value: Any) -> Any:
+def told(key: str, value: Any) -> Any:
     """A value as the table shows it."""
     quantity = keys()[key].quantity
     if quantity is None or quantity.unit != "rad":

@@ -89,6 +89,18 @@ def test_a_small_force_is_eq_3() -> None:
     assert found.force == pytest.approx(0.88 * (0.012 - 10.0 * e / (1.0 - e)), rel=1e-6)
 
 
+def test_gamma_scales_what_the_design_says() -> None:
+    """The pull of plain gamma is the design's tension times its section, whichever parts gamma scales.
+
+    Catches: gamma on the standing tension where it scales the active one alone.
+    """
+    for scales in ("both", "active"):
+        design = bot("muscle.gamma=0.7", f"muscle.gamma_scales={scales}", "muscle.theta=70 deg")
+        for drive in (0.0, 0.6):
+            expected = design.tension(drive) * 0.88 * math.sin(math.radians(70.0))
+            assert full_pull(design, drive) == pytest.approx(expected, rel=1e-12)
+
+
 def test_the_gap_is_where_pillars_or_rings_come_nearest() -> None:
     """At a known angle by drawing: inner edges of the short sole against the long pillar, or ring against ring.
 

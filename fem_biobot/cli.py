@@ -177,8 +177,13 @@ def _walk_command(
         str | None,
         typer.Option("--amplitude", metavar="SHARE", help="Largest drive, or paper for the forces of its simulation."),
     ] = None,
-    model: Annotated[str, typer.Option("--model", metavar="MODEL", help="Which model walks: rod.")] = "rod",
+    model: Annotated[
+        str, typer.Option("--model", metavar="MODEL", help="Which model walks: rod, solid or both.")
+    ] = "rod",
     out: Out = None,
+    size: Size = None,
+    mesh: MeshFile = None,
+    rename: Rename = None,
     sets: Sets = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -188,7 +193,8 @@ def _walk_command(
 ) -> Job:
     """Walk a design over its ground: steps, speed, foot forces, work, with plots and an animation."""
     _check_one_way(force, resume)
-    order = jobs.Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force, resume=resume)
+    check_mesh(mesh, rename, size)
+    order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force, resume)
     return partial(jobs.walk, order, jobs.WalkOrder(frequency or (), duration, amplitude, model))
 
 

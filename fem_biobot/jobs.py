@@ -93,13 +93,23 @@ def walk(order: Order, walking: WalkOrder) -> int:
     from fem_biobot.config import load_design
 
     design, plan = load_design(order.design, order.sets), walk_plan(order, walking)
-    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_walk")
+    word = {"rod": "walk", "solid": "walk_solid", "both": "walk_both"}[walking.model]
+    folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_{word}")
+    size, names = mesh_size(order.size), region_names(order.rename)
 
     from fem_biobot.results import walk_table
-    from fem_biobot.study.walking import walk_design
 
     def work(reporter: Reporter) -> dict[str, Any]:
-        return walk_design(design, folder, plan, force=order.force, resume=order.resume, reporter=reporter)
+        if walking.model == "rod":
+            from fem_biobot.study.walking import walk_design
+
+            return walk_design(design, folder, plan, force=order.force, resume=order.resume, reporter=reporter)
+        from fem_biobot.study.solid_walking import walk_solid
+
+        return walk_solid(
+            design, folder, plan, rods=walking.model == "both", mesh_file=order.mesh_file, names=names or None,
+            size=size, force=order.force, resume=order.resume, reporter=reporter,
+        )  # fmt: skip
 
     summary = worked(order, folder, work)
     show(order, summary, folder, lambda: ([walk_table(summary["walks"])], []))
@@ -159,8 +169,14 @@ def walk_plan(order: Order, walking: WalkOrder) -> WalkPlan:
     from fem_biobot.study.walking import WalkPlan
     from fem_biobot.units import parse_quantity, shown
 
-    if walking.model != "rod":
-        raise DesignError(f"--model: found {walking.model}, expected rod: the solid does not walk yet")
+    if walking.model not in ("rod", "solid", "both"):
+        raise DesignError(f"--model: found {shown(walking.model)}, expected rod, solid or both")
+    if walking.model == "rod":
+        for option, given in (("--size", order.size), ("--mesh", order.mesh_file)):
+            if given is not None:
+                raise DesignError(
+                    f"{option}: found with --model rod, which has no mesh, expected --model solid or both"
+                )
 
     def number(text: str, unit: str, option: str) -> float:
         value = parse_quantity(f"{text.strip()} {unit}" if _BARE_NUMBER.fullmatch(text) else text, unit, option)

@@ -79,6 +79,7 @@ def remarks(summary: Mapping[str, Any], kind: str) -> list[str]:
 
 
 _WALK_COLUMNS = {
+    "model": "model",
     "immersion": "in",
     "frequency_Hz": "Hz",
     "active_force_mN": "active force [mN]",
@@ -101,9 +102,12 @@ def _check(rows: Rows) -> Table:
 
 def walk_table(walks: Rows) -> Table:
     """One line a walk."""
+    rods = all(walk.get("model") == "rod" for walk in walks)
     kept = [name for name in _WALK_COLUMNS if any(walk.get(name) is not None for walk in walks)]
+    if rods:
+        kept = [name for name in kept if name != "model"]
     body = tuple(tuple(walk.get(name) for name in kept) for walk in walks)
-    return Table("Walking, rod model", tuple(_WALK_COLUMNS[name] for name in kept), body)
+    return Table("Walking, rod model" if rods else "Walking", tuple(_WALK_COLUMNS[name] for name in kept), body)
 
 
 def where_to_look(folder: Path) -> list[str]:
@@ -111,6 +115,7 @@ def where_to_look(folder: Path) -> list[str]:
     guide = {
         "report.html": "open in a browser: tables, pictures and graphs on one page",
         "solid.pvd": "open in ParaView: stress and displacement of every state",
+        "solid_contacts.pvd": "open in ParaView: forces of the ground on the solid's feet over time",
         "rod.pvd": "open in ParaView: the walking rods over time, with forces",
         "tables": "every number as CSV, with the sources of the comparison",
         "summary.json": "every number for programs",

@@ -29,8 +29,8 @@ _UNFINISHED = ".unfinished"
 _JOB = "job.json"
 # what a result consists of; cleared before another one takes its place
 _OURS = (
-    "solid_*.vtu", "solid.pvd", "rod*.pvd", "rod*/*.vtp", "design.toml", "report.html", "tables/*.csv", "figures/*.png",
-    "figures/*.gif", "fibres.vtu",
+    "solid_*.vtu", "solid*.pvd", "solid*/*.vtp", "rod*.pvd", "rod*/*.vtp", "design.toml", "report.html",
+    "tables/*.csv", "figures/*.png", "figures/*.gif", "fibres.vtu",
 )  # fmt: skip
 
 

@@ -194,6 +194,12 @@ def _refuse(design: Design, plan: WalkPlan) -> None:
         raise DesignError(
             f"kind: found {design.kind}, expected bot or walker: only a machine with feet and muscle walks"
         )
+    check_plan(design, plan)
+    reduce(design)
+
+
+def check_plan(design: Design, plan: WalkPlan) -> None:
+    """Refuse a plan whose drive, step or duration do not fit a stroke."""
     check_drive(design, plan)
     period = 1.0 / max(plan.frequencies)
     if design.numerics.step > period:
@@ -205,7 +211,6 @@ def _refuse(design: Design, plan: WalkPlan) -> None:
             raise DesignError(
                 f"duration: found {plan.duration:g} s, expected at least a stroke ({1.0 / frequency:g} s)"
             )
-    reduce(design)
 
 
 def walks_of(

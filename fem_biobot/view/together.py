@@ -1,0 +1,90 @@
+"""Walks of several models under one drive on one time base: position, stroke and forces on the feet.
+
+Takes plain arrays; knows nothing of the models.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fem_biobot.errors import FileError
+from fem_biobot.view.gait import _rows, _strokes
+from fem_biobot.view.plots import COLOURS, INK, _label, _legend, _save
+
+_LINES = ("-", "--", ":", "-.")
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """How one model walked.
+
+    Attributes
+    ----------
+    times
+        Of the samples, (t,) [s].
+    advance, tip_closing
+        Of the centre of mass, and of the soles, (t,) [mm].
+    feet
+        Name to normal and forward force of the ground, (t, 2) [mN].
+    """
+
+    times: ArrayLike
+    advance: ArrayLike
+    tip_closing: ArrayLike
+    feet: Mapping[str, ArrayLike]
+
+
+def together(
+    path: str | os.PathLike[str], ways: Mapping[str, Way], *, strokes: ArrayLike = (), title: str = "Together"
+) -> None:
+    """Draw several walks into one figure: a colour for each model, a line for each foot.
+
+    Parameters
+    ----------
+    path
+        PNG file.
+    ways
+        Name of a model to how it walked.
+    strokes
+        Beginning of the first stroke and end of each, (k + 1,) [s].
+
+    Raises
+    ------
+    FileError
+        No model, rows of different length or not finite; the file cannot be written.
+    """
+    if not ways:
+        raise FileError(f"{path}: found no walk, expected at least one")
+    figure, axes = _rows([1.0, 1.0, 1.2, 1.2], (7.4, 8.8))
+    for each in axes:
+        _strokes(each, np.atleast_1d(np.asarray(strokes, dtype=float)), 0)
+    for number, (name, way) in enumerate(ways.items()):
+        colour, t = COLOURS[number % len(COLOURS)], np.asarray(way.times, dtype=float)
+        for k, values in enumerate((way.advance, way.tip_closing)):
+            axes[k].plot(t, _checked(path, name, t, values), color=colour, linewidth=1.4, label=name)
+        for line, (foot, force) in zip(_LINES * len(way.feet), way.feet.items(), strict=False):
+            both = np.asarray(force, dtype=float)
+            for k in range(2):
+                values = _checked(path, f"{name}, {foot}", t, both[:, k])
+                axes[2 + k].plot(t, values, color=colour, linewidth=1.0, linestyle=line, label=f"{name}, {foot}")
+    for each, words in zip(
+        axes, ("centre of mass [mm]", "tip closing [mm]", "normal force [mN]", "friction, forward [mN]"), strict=True
+    ):
+        _label(each, "", words)
+    _legend(axes[0])
+    _legend(axes[2])
+    axes[-1].set_xlabel("time [s]", fontsize=9.5, color=INK)
+    axes[-1].margins(x=0.01)
+    _save(figure, path, title)
+
+
+def _checked(path: str | os.PathLike[str], what: str, times: np.ndarray, values: ArrayLike) -> np.ndarray:
+    found = np.asarray(values, dtype=float)
+    if found.shape != times.shape or not np.isfinite(found).all():
+        raise FileError(f"{path}: {what}: found shape {found.shape}, expected {times.shape} finite numbers")
+    return found

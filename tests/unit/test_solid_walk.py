@@ -1,0 +1,260 @@
+"""The solid that walks: how it stands, what a walk leaves, going on after an interruption, events, refusals."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fem_biobot import jobs
+from fem_biobot.config import load_design
+from fem_biobot.design import Design
+from fem_biobot.errors import DesignError, FileError, MeshError, SolveError
+from fem_biobot.friction.ground import Ground
+from fem_biobot.friction.kernels import LIFTED, SLIP
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.solid import standing
+from fem_biobot.solid.dynamics.body import MovingBody
+from fem_biobot.solid.dynamics.integrate import solid_dynamics
+from fem_biobot.solid.dynamics.settings import DynamicsSettings
+from fem_biobot.solid.happenings import fall, happened, uprightness
+from fem_biobot.solid.standing import FEET, Standing, stand
+from fem_biobot.solid.walk import refuse_unwalkable, solid_ground, solid_walk, walking_body
+from fem_biobot.study.reporter import Silent
+from fem_biobot.study.solid_walking import walk_solid
+from fem_biobot.study.walking import WalkPlan
+from fem_biobot.view.together import Way, together
+
+# a low standing tension, with which the feet slip; the coarsest mesh and few steps, for properties and no numbers
+SETS = (
+    "muscle.passive_tension=0.9 kPa", "muscle.active_tension=2.7 kPa", "numerics.step=10 ms", "mesh.size=14 mm",
+)  # fmt: skip
+PLAN = WalkPlan((4.0,), 0.5, 1.0)
+
+
+@cache
+def _design(*more: str) -> Design:
+    return load_design("junction_bot", [*SETS, *more])
+
+
+@cache
+def _mesh() -> BodyMesh:
+    return mesh_for(_design())[0]
+
+
+@cache
+def _body() -> MovingBody:
+    return walking_body(_design(), _mesh())
+
+
+@cache
+def _standing() -> Standing:
+    return stand(_design(), _body(), solid_ground(_design()))
+
+
+class Stops(Silent):
+    """A reporter that interrupts in the middle of the second stroke."""
+
+    def advance(self, done: str = "") -> None:
+        if done == "stroke 2":
+            raise KeyboardInterrupt
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    out = tmp_path_factory.mktemp("solid_walk") / "out"
+    return out, walk_solid(_design(), out, PLAN, rods=True)
+
+
+def test_a_machine_stands_on_both_feet_with_its_weight() -> None:
+    """At rest its feet bear weight and no more, touch the ground, and nothing is below it.
+
+    Catches: gravity twice, a machine held by its old supports, one foot in the air, a tilt the wrong way.
+    """
+    found, body = _standing(), _body()
+    touch = found.checkpoint.state.touch
+    feet = standing.feet_of(body, FEET)
+    loads = [touch.force[feet.owner == k, 0].sum() for k in range(2)]
+    assert sum(loads) == pytest.approx(9810.0 * body.total_mass, rel=1e-6)
+    assert min(loads) > 0.1 * max(loads)
+    lowest = (body.system.space.points[2] + found.checkpoint.state.u[:, 2]).min()
+    assert lowest == pytest.approx(0.0, abs=1e-9)
+    assert not found.checkpoint.state.v.any()
+    again = Standing.from_arrays(found.arrays())
+    assert np.array_equal(again.checkpoint.state.u, found.checkpoint.state.u)
+    assert again.tilt == found.tilt
+
+
+def test_a_walk_leaves_a_whole_result(result: tuple[Path, dict[str, Any]]) -> None:
+    """Summary, tables of both models, series of body and contacts, and graphs are there, nothing unfinished.
+
+    Catches: a file named and not written, one model's table over the other's.
+    """
+    out, summary = result
+    assert json.loads((out / "summary.json").read_text()) == json.loads(json.dumps(summary))
+    names = {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()}
+    assert names >= {
+        "solid.pvd", "solid_contacts.pvd", "rod.pvd", "report.html", "tables/walks.csv", "tables/walk_4Hz_air.csv",
+        "tables/walk_4Hz_air_solid.csv", "figures/together_4Hz.png", "figures/feet_4Hz_air_solid.png",
+    }  # fmt: skip
+    assert not any(".unfinished" in n or ".tmp" in n for n in names)
+    assert summary["mesh"]["unknowns_1"] == _body().system.n_dofs
+
+
+def test_both_models_tell_of_a_walk_by_the_same_names(result: tuple[Path, dict[str, Any]]) -> None:
+    """Every number of a walk of rods is there for the solid, under the same drive; the book closes.
+
+    Catches: a key renamed, another amplitude, work that is not accounted for.
+    """
+    _, summary = result
+    solid, rod = summary["walks"]
+    assert (solid["model"], rod["model"]) == ("solid", "rod")
+    assert set(rod) <= set(solid)
+    for key in ("frequency_Hz", "amplitude_1", "active_force_mN", "strokes_1", "discarded_strokes_1", "immersion"):
+        assert solid[key] == pytest.approx(rod[key]) if isinstance(rod[key], float) else solid[key] == rod[key], key
+    assert solid["weight_mN"] == pytest.approx(rod["weight_mN"], rel=0.02)
+    assert 0.5 < solid["stroke_mm"] / rod["stroke_mm"] < 1.5
+    assert solid["energy_error_1"] < 1e-6
+    assert solid["work_pillar_uJ"] > solid["work_friction_uJ"] > 0.0
+
+
+def test_a_walk_goes_on_as_if_it_had_not_stopped(result: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    """Interrupted in its second stroke it is resumed from the first, and ends as the uninterrupted one, bit by bit.
+
+    Catches: strokes made twice, a standing shape found anew, slip forgotten at a stroke's end.
+    """
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        walk_solid(_design(), out, PLAN, reporter=Stops())
+    left = json.loads((out / "summary.json").read_text())
+    assert not left["complete"]
+    assert left["reached"] == "0 of 1 walks of the solid"
+    walk_solid(_design(), out, PLAN, resume=True)
+    name = "tables/walk_4Hz_air_solid.csv"
+    assert (out / name).read_text() == (result[0] / name).read_text()
+
+
+def test_a_result_that_is_there_is_not_made_again(result: tuple[Path, dict[str, Any]]) -> None:
+    """The same job gives the summary that is there; the walk of the solid alone is another job.
+
+    Catches: a job whose identity lacks the models.
+    """
+    out, summary = result
+    assert walk_solid(_design(), out, PLAN, rods=True) == json.loads(json.dumps(summary))
+    with pytest.raises(FileError, match="another job"):
+        walk_solid(_design(), out, PLAN)
+
+
+def test_a_walk_that_fails_keeps_its_strokes() -> None:
+    """A step that cannot be made ends the walk; what was walked before is in the failure.
+
+    Catches: a failure without the walk, halvings that never end.
+    """
+    hard = DynamicsSettings(max_iterations=1, halvings=0)
+    with pytest.raises(SolveError, match="walk: solid_dynamics: no step") as failure:
+        solid_walk(_design(), _body(), duration=0.5, start=_standing(), settings=hard)
+    assert len(failure.value.best.times) == 1
+
+
+def test_a_machine_that_does_not_come_to_rest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Settling is given up after its slices, with what was reached.
+
+    Catches: a machine that moves taken for one that stands.
+    """
+    monkeypatch.setattr(standing, "_SLICES", 1)
+    with pytest.raises(SolveError, match="still moves with") as failure:
+        stand(_design(), _body(), solid_ground(_design()))
+    assert failure.value.best.time > 0.0
+
+
+def test_what_happens_is_told() -> None:
+    """A machine turned over, in the air, and with its beam in the ground: each is an event with its time.
+
+    Catches: a fall that goes unseen, soles taken for buried parts.
+    """
+    motion = solid_dynamics(
+        _body(), 0.02, 0.01, ground=Ground(0.4, 0.3), feet=FEET, start=_standing().checkpoint,
+        drive=lambda t: motion_drive,
+    )  # fmt: skip
+    assert fall(motion) is None
+    assert happened(motion) == ()
+    X = motion.body.system.space.points
+    over = np.diag([1.0, -1.0, -1.0]) @ X + np.array([[0.0], [0.0], [20.0]]) - X
+    away = replace(
+        motion, u=np.stack([motion.u[0], motion.u[1] + np.array([[0.0], [0.0], [-1.0]]), over]),
+        contact_share=motion.contact_share * np.array([[0.0], [1.0], [0.0]]),
+    )  # fmt: skip
+    assert uprightness(away) == pytest.approx([1.0, 1.0, -1.0], abs=0.02)
+    assert fall(away) == 2
+    assert {e.name: e.time for e in happened(away)} == pytest.approx(
+        {"overturned": 0.02, "flight": 0.02, "buried": 0.01}
+    )
+
+
+motion_drive = standing.tension_step(_design(), _design().tension(0.0))
+
+
+@pytest.mark.parametrize(
+    ("sets", "words"),
+    [
+        (["mesh.element=P2-P1"], "mesh.element: found P2-P1"),
+        (["muscle.convention=cauchy"], "muscle.convention: found cauchy"),
+        (["muscle.reference=remodelled"], "muscle.reference: found remodelled"),
+    ],
+)
+def test_designs_whose_solid_cannot_walk_are_refused(sets: list[str], words: str, tmp_path: Path) -> None:
+    """One line with the key, before anything is written.
+
+    Catches: a walk that begins and fails inside.
+    """
+    with pytest.raises(DesignError, match=words):
+        walk_solid(load_design("junction_bot", [*SETS, *sets]), tmp_path / "out", PLAN)
+    assert not (tmp_path / "out").exists()
+
+
+def test_other_refusals_of_walks_name_what_is_wrong(tmp_path: Path) -> None:
+    """Designs without feet, meshes without soles, times below zero.
+
+    Catches: a strip that walks, a default in place of what was given.
+    """
+    with pytest.raises(DesignError, match="kind: found strip"):
+        refuse_unwalkable(load_design("strip"))
+    soles = {k: v for k, v in _mesh().surfaces.items() if k != "foot_long"}
+    bare = BodyMesh(_mesh().points, _mesh().cells, _mesh().regions, soles, _mesh().landmarks)
+    with pytest.raises(MeshError, match="foot_long: found no such surface"):
+        walking_body(_design(), bare)
+    with pytest.raises(DesignError, match="frequency: found -1"):
+        solid_walk(_design(), _body(), frequency=-1.0, start=_standing())
+    with pytest.raises(FileError, match="found no walk"):
+        together(tmp_path / "a.png", {})
+    with pytest.raises(FileError, match="expected"):
+        together(tmp_path / "a.png", {"rods": Way([0.0, 1.0], [0.0], [0.0, 1.0], {})})
+
+
+def test_options_of_models_that_do_not_fit_are_refused() -> None:
+    """A model that there is not, and a mesh for rods, are refused with the option's name.
+
+    Catches: an unknown model taken for the rods, a mesh size that is ignored.
+    """
+    with pytest.raises(DesignError, match=r"--model: found .cloth., expected rod, solid or both"):
+        jobs.walk_plan(jobs.Order("junction_bot"), jobs.WalkOrder(model="cloth"))
+    with pytest.raises(DesignError, match="--size: found with --model rod"):
+        jobs.walk_plan(jobs.Order("junction_bot", size="2 mm"), jobs.WalkOrder())
+
+
+def test_feet_are_told_apart_by_what_their_load_does() -> None:
+    """The walk's feet slip and stick; a foot without load is lifted.
+
+    Catches: shares of points in place of shares of load.
+    """
+    found = solid_walk(_design(), _body(), frequency=4.0, duration=0.25, start=_standing())
+    assert SLIP in found.foot_state
+    assert np.all((found.foot_slips >= 0.0) & (found.foot_slips <= 1.0))
+    bare = replace(found, motion=replace(found.motion, contact_force=np.zeros_like(found.motion.contact_force)))
+    assert np.all(bare.foot_state == LIFTED)

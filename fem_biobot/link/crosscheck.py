@@ -23,6 +23,7 @@ from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.rod.reduce import PlateFactor, reduce
+from fem_biobot.solid.model import SolidState
 from fem_biobot.study.reporter import Reporter, Silent
 
 # shares of the passive tension at which both are solved, besides that and full drive
@@ -145,8 +146,10 @@ class CrossCheck:
             for a, b in both
             for name in QUANTITIES
         ]
-        if len(both) >= 2 and self.design.value("muscle.active_tension") > 0.0 and len(both) == len(SHARES) + 2:
-            (solid0, rods0), (solid1, rods1) = both[-2:]
+        passive, peak = (self.design.tension(drive) for drive in (0.0, self.design.drive.amplitude))
+        ends = [pair for pair in both if pair[0].tension in (passive, peak)]
+        if len(ends) == 2:
+            (solid0, rods0), (solid1, rods1) = ends
             name = "tip_closing_mm"
             solid, rods = (b.numbers[name] - a.numbers[name] for a, b in ((solid0, solid1), (rods0, rods1)))
             found.append(Row(solid1.tension, "stroke_mm", stiffness, solid, rods, expected.get(name)))
@@ -168,6 +171,8 @@ def crosscheck(
     mesh: BodyMesh | None = None,
     *,
     tensions: Sequence[float] | None = None,
+    solved: Sequence[SolidState] = (),
+    parts_mesh: BodyMesh | None = None,
     plate_factor: PlateFactor | str = PlateFactor.none,
     reporter: Reporter | None = None,
 ) -> CrossCheck:
@@ -181,6 +186,10 @@ def crosscheck(
         Of the solid; by default the design's own.
     tensions
         Nominal, rising [kPa]; by default shares of the passive tension, the passive and the peak one.
+    solved
+        States of the solid on `mesh` at those tensions, where they are at hand.
+    parts_mesh
+        On which the parts are loaded for the rods' constants; by default `mesh`.
     plate_factor
         Reading of the rods' beam, see `PlateFactor`.
     reporter
@@ -212,6 +221,8 @@ def crosscheck(
             "natural length of remodelled tissue is each model's own"
         )
     levels = list(tensions) if tensions is not None else tensions_of(design)
+    if solved and len(solved) != len(levels):
+        raise ModelError(f"solved: found {len(solved)} states, expected one for each of {len(levels)} tensions")
     if not levels or any(not T > 0.0 for T in levels) or any(b <= a for a, b in pairwise(levels)):
         raise ModelError(f"tensions: found {levels}, expected some above 0 kPa that rise")
     rods = reduce(design, beam_elements=_BEAM_ELEMENTS, plate_factor=factor)
@@ -221,16 +232,20 @@ def crosscheck(
         notes += more
     reporter.stage("parts of the mesh under loads", 3)
     plain = RodSide(design, rods).states(levels, Silent())
-    parts = parts_of(design, mesh, rods, plain, reporter)
+    parts = parts_of(design, mesh if parts_mesh is None else parts_mesh, rods, plain, reporter)
     sides: dict[Stiffness, RodSide | LoadedRods] = {
         Stiffness.closed_form: RodSide(design, rods),
         Stiffness.mesh_beam: RodSide(design, with_sections(rods, parts.sections)),
         Stiffness.mesh: parts.side(),
         Stiffness.mesh_at_load: parts,
     }
-    solid = SolidSide(design, mesh)
-    reporter.stage("solid and rods at the same tensions", len(levels) + len(sides))
-    observed, states = solid.states(levels, reporter)
+    solid = SolidSide(design, mesh, solved[0].model if solved else None)
+    if solved:
+        reporter.stage("rods at the tensions of the solid", len(sides))
+        observed, states = [solid.observe(s, T) for s, T in zip(solved, levels, strict=True)], list(solved)
+    else:
+        reporter.stage("solid and rods at the same tensions", len(levels) + len(sides))
+        observed, states = solid.states(levels, reporter)
     by_rods = {name: side.states(levels, reporter) for name, side in sides.items()}
     # about the passive state, or the last that all reached
     standing = levels.index(design.tension(0.0)) if design.tension(0.0) in levels else len(levels) - 1

@@ -123,24 +123,10 @@ def sections_from_mesh(design: Design, mesh: BodyMesh, forces: Sequence[float] =
     SolveError
         A pull that finds no equilibrium.
     """
-    body, known, L = part_of(mesh, "skeleton"), closed_forms(design), design.span
-    middle, arm = np.array([0.0, 0.0, design.beam_axis_height]), design.moment_arm
-    couple = _SMALL * known.EI / L
-    unit, none = np.eye(3), np.zeros(3)
-    loads = []
-    for k, name in enumerate(_CASES):
-        force, moment = (couple / L * unit[k], none) if k < 3 else (none, couple * unit[k - 3])
-        loads += balanced(body, name, force, moment, middle)
-    loads += balanced(body, _PULL, -unit[0], arm * unit[1], middle)
-    # one model, so that what it is solved with is analysed once; each state has one of the loads alone
-    law = law_of(design.value("skeleton.material"))
-    model = SolidModel(body, {"skeleton": law}, {}, supports(design, body), loads, element=design.mesh.element)
-    steps = [Step(load=0.0, tension=0.0, loads={name: 1.0}) for name in _CASES]
-    small = couple / (arm * L)
-    pulls = [small, *forces]
-    found = solve(model, [*steps, *(Step(load=0.0, tension=0.0, loads={_PULL: F}) for F in pulls)])
-    C = _flexibility(model, found.states[:6], couple, L)
-    bent = [_bent(design, state, F) for state, F in zip(found.states[6:], pulls, strict=True)]
+    known, L = closed_forms(design), design.span
+    pulls = [_SMALL * known.EI / (design.moment_arm * L**2), *forces]
+    C, pulled = _loaded(design, mesh, pulls)
+    bent = [_bent(design, state, F) for state, F in zip(pulled, pulls, strict=True)]
     along = bent[0][1] / bent[0][0]
     compliance = np.diff(stations(design)) / along
     middles = 0.5 * (stations(design)[1:] + stations(design)[:-1])
@@ -162,12 +148,35 @@ def sections_from_mesh(design: Design, mesh: BodyMesh, forces: Sequence[float] =
     return MeshSections(stiffnesses, known, curvatures, moments)
 
 
-def _flexibility(model: SolidModel, states: Sequence[SolidState], couple: float, length: float) -> Array:
-    """Motion of the long bond against the short one by a unit wrench on them, (6, 6) [mm/mN, 1/mN, 1/uJ]."""
-    force = {name: sum(f for n, f in model.system.dead_loads if n == name) for name in _CASES}
-    size = np.array([couple / length] * 3 + [couple] * 3)
-    work = np.array([[np.sum(force[name] * state.u.T) for state in states] for name in _CASES])
-    return work / np.outer(size, size)
+def flexibility(design: Design, mesh: BodyMesh) -> Array:
+    """Motion of the long bond against the short one by a unit wrench on them about mid-span, (6, 6).
+
+    Displacements [mm] and small turns [rad] along and about x, y, z by forces [mN] and moments [uJ]; symmetric.
+    """
+    return _loaded(design, mesh, [])[0]
+
+
+def _loaded(design: Design, mesh: BodyMesh, pulls: Sequence[float]) -> tuple[Array, Sequence[SolidState]]:
+    """Flexibility of the skeleton between its bonds, and its states under pulls of them [mN]."""
+    body, L = part_of(mesh, "skeleton"), design.span
+    couple = _SMALL * closed_forms(design).EI / L
+    middle = np.array([0.0, 0.0, design.beam_axis_height])
+    unit, none = np.eye(3), np.zeros(3)
+    loads = []
+    for k, name in enumerate(_CASES):
+        force, moment = (couple / L * unit[k], none) if k < 3 else (none, couple * unit[k - 3])
+        loads += balanced(body, name, force, moment, middle)
+    loads += balanced(body, _PULL, -unit[0], design.moment_arm * unit[1], middle)
+    # one model, so that what it is solved with is analysed once; each state has one of the loads alone
+    law = law_of(design.value("skeleton.material"))
+    model = SolidModel(body, {"skeleton": law}, {}, supports(design, body), loads, element=design.mesh.element)
+    steps = [Step(load=0.0, tension=0.0, loads={name: 1.0}) for name in _CASES]
+    steps += [Step(load=0.0, tension=0.0, loads={_PULL: F}) for F in pulls]
+    states = solve(model, steps).states
+    force_of = {name: sum(f for n, f in model.system.dead_loads if n == name) for name in _CASES}
+    size = np.array([couple / L] * 3 + [couple] * 3)
+    work = np.array([[np.sum(force_of[name] * state.u.T) for state in states[:6]] for name in _CASES])
+    return work / np.outer(size, size), states[6:]
 
 
 def _bent(design: Design, state: SolidState, force: float) -> tuple[Array, Array]:

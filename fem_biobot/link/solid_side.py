@@ -26,15 +26,16 @@ _RIGID = 6
 
 @dataclass(frozen=True)
 class SolidSide:
-    """The solid of a design on one mesh."""
+    """The solid of a design on one mesh; a model of it that is at hand, or a new one."""
 
     design: Design
     mesh: BodyMesh
+    given: SolidModel | None = None
 
     @cached_property
     def model(self) -> SolidModel:
         """What is solved."""
-        return SolidModel.from_design(self.design, self.mesh)
+        return SolidModel.from_design(self.design, self.mesh) if self.given is None else self.given
 
     @cached_property
     def _measurer(self) -> Measurer:
@@ -69,9 +70,10 @@ class SolidSide:
             if not (isinstance(failure.best, SolidSolution) and found):
                 raise
             reporter.note(f"solid: nothing above {tensions[len(found) - 1]:.3g} kPa: {failure}")
-        return [self._observe(s, T) for s, T in zip(found, tensions, strict=False)], found
+        return [self.observe(s, T) for s, T in zip(found, tensions, strict=False)], found
 
-    def _observe(self, state: SolidState, tension: float) -> Observed:
+    def observe(self, state: SolidState, tension: float) -> Observed:
+        """What is compared, in a state at a nominal tension [kPa]."""
         measure = self._measurer
         return observed(
             self.design,

@@ -46,7 +46,11 @@ def crosscheck_finding(
     design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str] = ()
 ) -> Finding:
     """Solid and rods of a design at the same tensions, with what was expected beforehand."""
-    found = crosscheck(design, mesh, reporter=reporter)
+    return told(crosscheck(design, mesh, reporter=reporter), figures, notes)
+
+
+def told(found: CrossCheck, figures: Path, notes: Sequence[str] = ()) -> Finding:
+    """A cross-check as tables, rows and figures."""
     rows = {stiffness: found.rows(stiffness) for stiffness in Stiffness}
     plain = rows[Stiffness.closed_form]
     judged = [row for row in plain if row.within is not None]

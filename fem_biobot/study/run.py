@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +23,20 @@ from fem_biobot.mesh.store import stored_mesh
 from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.compiling import compile_kernels
 from fem_biobot.solid.linear import pardiso_missing
-from fem_biobot.solid.measures import Measurer, muscle_work
+from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.touching import touching_parts
 from fem_biobot.study import compare, outputs, views, walk_files
 from fem_biobot.study.checked import checked, report_tables, write_run_tables
+from fem_biobot.study.finding import Finding, write_series
 from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
 from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
 from fem_biobot.study.reporter import Reporter, Silent
+from fem_biobot.study.run_crosscheck import run_crosscheck
 from fem_biobot.study.versions import versions
 from fem_biobot.study.walking import WalkPlan, check_drive, walks_of
+from fem_biobot.study.work import add_work
 from fem_biobot.view.interactive import Moving
 
 _COARSER = 1.6  # size of the second mesh of the error estimate over the first
@@ -136,6 +137,7 @@ class _Job:
         self.files: list[str] = []
         self.figures: list[tuple[Path, str]] = []
         self.muscle = MuscleFindings()
+        self.beside = Finding({})
         self.began = time.perf_counter()
 
     def do(self) -> dict[str, Any]:
@@ -168,14 +170,18 @@ class _Job:
             summary["muscle"] = self.muscle.numbers
             for note in self.muscle.notes:
                 self._note(note)
+            if self.design.kind == "bot":
+                self.beside = self._timed("crosscheck", lambda: self._crosscheck(mesh))
+                summary["crosscheck"] = dict(self.beside.numbers) or None
             self._timed("pictures", lambda: self._show(summary))
         summary["notes"] = self.notes
         summary["timings_s"] = {**self.timings, "total": round(time.perf_counter() - self.began, 3)}
         if self.complete:
-            self.figures += self.muscle.figures
+            self.figures += [*self.muscle.figures, *self.beside.figures]
+            more = [*report_tables(summary), *self.muscle.tables]
+            more += [(t.title, t.header, t.rows) for t in self.beside.tables]
             shown = self._timed("views", self._views)
-            tables = [*report_tables(summary), *self.muscle.tables]
-            outputs.write_run_report(self.folder.path, summary, self.figures, self.design, tables, shown)
+            outputs.write_run_report(self.folder.path, summary, self.figures, self.design, more, shown)
             self.reporter.advance("report")
         self.folder.close(summary)
         return summary
@@ -298,7 +304,8 @@ class _Job:
     def _summary(
         self, mesh: BodyMesh, solver: Solver, coarse: tuple[list[dict[str, Any]], float] | None
     ) -> dict[str, Any]:
-        self._add_work(solver)
+        if why := add_work(self.design, solver, self.found, self.states):
+            self._note(why)
         solid: dict[str, Any] = {"states": self.states}
         if self.design.kind == "bot":
             solid["stroke"] = compare.strokes(self.states)
@@ -324,30 +331,14 @@ class _Job:
             "notes": self.notes,
         }
 
-    def _add_work(self, solver: Solver) -> None:
-        """Work of the muscle, from the unstressed body; for remodelled tissue from its own passive state."""
-        for state in self.states:
-            state["muscle_work_uJ"] = 0.0
-        if self.design.muscle is None:
-            return
-        rows = [
-            (f.wanted.reference, f.state.step.tension, solver.measurer.tension_length(f.state), s)
-            for f, s in zip(self.found, self.states, strict=True)
-        ]
-        if any(math.isnan(length) for _, _, length, _ in rows):
-            for state in self.states:
-                state["muscle_work_uJ"] = None
-            muscle = self.design.muscle
-            plain = muscle.convention not in ("cauchy", "active_strain")
-            why = "a tension whose parts differ" if plain else f"muscle.convention {muscle.convention}"
-            self._note(f"muscle work: left out, with {why} there is no energy in proportion to the tension")
-            return
-        path = sorted((r for r in rows if r[0] == "as_moulded" and r[1] > 0.0), key=lambda row: row[1])
-        for (_, _, _, state), work in zip(path, muscle_work([r[1] for r in path], [r[2] for r in path]), strict=True):
-            state["muscle_work_uJ"] = work
-        other = [r for r in rows if r[0] == "remodelled"]
-        for (_, before, length, _), (_, tension, length_now, state) in pairwise(other):
-            state["muscle_work_uJ"] = -0.5 * (before + tension) * (length_now - length)
+    def _crosscheck(self, mesh: BodyMesh) -> Finding:
+        """Rods beside the moulded states; a machine that has no cross-check is said and leaves the rest whole."""
+        given = self.mesh_file is not None
+        found = run_crosscheck(self.design, mesh, self.found, self.folder.path, self.reporter, given=given)
+        for note in found.notes:
+            self._note(note)
+        write_series(self.folder.path, found)
+        return found
 
     def _show(self, summary: dict[str, Any]) -> None:
         self.reporter.stage("pictures", 4 if self.walks else 3)

@@ -176,4 +176,6 @@ def test_machines_without_a_cross_check_are_refused() -> None:
     for tensions in ([], [1.0, 1.0], [0.0, 1.0]):
         with pytest.raises(ModelError, match="tensions: found"):
             crosscheck(DESIGN, tensions=tensions)
+    with pytest.raises(ModelError, match="solved: found 1 states"):
+        crosscheck(DESIGN, tensions=[1.0, 2.0], solved=[object()])  # type: ignore[list-item]
     assert expect(load_design("ring_bot")).of == {}

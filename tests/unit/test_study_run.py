@@ -22,6 +22,7 @@ from fem_biobot.mesh.geometry import GmshMissing, import_gmsh
 from fem_biobot.study.plan import Solver, wanted_states
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.run import run
+from fem_biobot.study.run_crosscheck import run_crosscheck
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -167,6 +168,49 @@ def test_the_error_estimate_compares_two_meshes(result: tuple[Path, dict[str, An
         assert row["estimated error"] >= gap
 
 
+def test_a_run_sets_rods_beside_its_own_states(result: tuple[Path, dict[str, Any]]) -> None:
+    """The summary's cross-check has every moulded state under tension, with the run's own numbers, within 3 %.
+
+    Parts are loaded on a coarser mesh: 1 % beside those of the same mesh.
+
+    Catches: the solid solved again, tensions of other states, rods in closed form alone, figures drawn and not shown.
+    """
+    out, summary = result
+    rows = [row for row in summary["crosscheck"]["rows"] if row["rods"] == "mesh_at_load"]
+    own = {
+        s["tension_kPa"]: s for s in summary["solid"]["states"] if s["reference"] == "as_moulded" and s["tension_kPa"]
+    }
+    closing = {row["tension_kPa"]: row for row in rows if row["quantity"] == "tip_closing_mm"}
+    assert len(closing) == len(own)
+    for (tension, row), (other, state) in zip(sorted(closing.items()), sorted(own.items()), strict=True):
+        assert tension == pytest.approx(other, rel=1e-12)
+        assert row["solid_value"] == pytest.approx(state["tip_closing_mm"], rel=1e-12)
+        assert abs(row["difference_1"]) < 0.03
+    (stroke,) = [row for row in rows if row["quantity"] == "stroke_mm"]
+    assert stroke["solid_value"] == pytest.approx(
+        states(summary)["peak"]["tip_closing_mm"] - states(summary)["passive"]["tip_closing_mm"], rel=1e-9
+    )
+    assert (out / "tables" / "crosscheck.csv").is_file()
+    page = (out / "report.html").read_text()
+    assert "Largest difference that is left" in page
+    assert "Both from the side" in page
+
+
+def test_a_machine_without_a_cross_check_is_said(design: Design, tmp_path: Path) -> None:
+    """Three pillars: one note, no numbers, and the run goes on.
+
+    Catches: a run that fails because of its last part, a cross-check that is silently none.
+    """
+    other = design.with_values({"skeleton.pillar_count": 3})
+    mesh = committed_mesh(design)
+    assert mesh is not None
+    found = run_crosscheck(other, mesh, [], tmp_path, Silent(), given=True)
+    assert not found.numbers
+    assert len(found.notes) == 1
+    assert "cross-check: left out" in found.notes[0]
+    assert "two pillars" in found.notes[0]
+
+
 def test_every_file_is_there_and_opens(result: tuple[Path, dict[str, Any]], design: Design) -> None:
     """The series opens in one step with quadratic cells; pictures, tables and report exist; no leftovers remain.
 
@@ -194,6 +238,7 @@ def test_every_file_is_there_and_opens(result: tuple[Path, dict[str, Any]], desi
     peak = states(summary)["peak"]
     assert rows["the tissue bears its shortening", "solid"]["value"] == peak["fibre_stretch_1"]
     assert 0.01 < rows["the gel bears its strain", "solid"]["value"] < 0.3
+    tables |= {"crosscheck.csv", "curvature.csv", "modes.csv"}
     assert summary["muscle"]["drive"]["peak_1"] == pytest.approx(1.0)
     assert summary["muscle"]["fibres"]["along_middle_1"] == pytest.approx(1.0, abs=1e-12)
     if not gmsh_missing():

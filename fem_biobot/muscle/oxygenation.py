@@ -41,7 +41,7 @@ _SOLVED: WeakKeyDictionary[BodyMesh, dict[tuple[str, str, float], Oxygenation]] 
 # the middle fifth of the span stands for the section, as it does for the fibre stretch
 _MIDDLE = 0.1
 # elements larger than this share of the depth that oxygen reaches are divided, up to so many
-_PART_OF_REACH, _MOST_ELEMENTS = 0.6, 50_000
+_PART_OF_REACH, _MOST_ELEMENTS = 0.6, 150_000
 # an undershoot of the concentration beyond this share of the supply tells of a mesh too coarse for it
 COARSE = 0.02
 

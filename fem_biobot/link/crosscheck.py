@@ -18,7 +18,7 @@ from fem_biobot.link.modes import Pair, paired, seen_positions
 from fem_biobot.link.observed import Array, Observed
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.sections import MeshSections, with_sections
-from fem_biobot.link.shapes import rod_outline, solid_outline
+from fem_biobot.link.shapes import Both, level_both, rod_outline, solid_outline
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
@@ -125,6 +125,8 @@ class CrossCheck:
         Name of a state to the solid's surface and the rods' lines from the side, for pictures.
     notes
         What was used instead of what.
+    levelled
+        States of the solid and of the rods in closed form at the tensions that both reached.
     """
 
     design: Design
@@ -136,6 +138,7 @@ class CrossCheck:
     mesh: dict[str, int]
     outlines: dict[str, tuple[Array, list[Array]]] = field(default_factory=dict)
     notes: tuple[str, ...] = field(default=())
+    levelled: Both = ()
 
     def rows(self, stiffness: Stiffness = Stiffness.closed_form) -> list[Row]:
         """Every quantity at every tension that both models reached, then the stroke."""
@@ -278,6 +281,7 @@ def crosscheck(
         {"elements_1": mesh.n_elements, "unknowns_1": solid.model.n_dofs},
         outlines,
         tuple(notes),
+        level_both(solid, states, RodSide(design, rods), by_rods[Stiffness.closed_form][1], levels),
     )
 
 

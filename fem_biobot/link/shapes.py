@@ -1,6 +1,10 @@
-"""Both models from the side, levelled: what a picture lays one over the other."""
+"""Both models levelled, their chord along x: from the side, for a picture that lays one over the other, and whole."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -11,6 +15,44 @@ from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.facets import facets
 from fem_biobot.rod.model import RodState
 from fem_biobot.solid.model import SolidState
+
+State = TypeVar("State", SolidState, RodState)
+
+
+@dataclass(frozen=True, eq=False)
+class Levelled(Generic[State]):
+    """A state of a model at a tension [kPa], and what levels it: `turn` (3, 3) about `middle` (3,) [mm]."""
+
+    tension: float
+    state: State
+    turn: Array
+    middle: Array
+
+    def place(self, points: Array) -> Array:
+        """Positions (3, n) [mm] of the model, levelled."""
+        return self.turn @ (points - self.middle[:, None])
+
+
+Both = tuple[tuple[Levelled[SolidState], Levelled[RodState]], ...]
+
+
+def level_both(
+    solid: SolidSide,
+    solid_states: Sequence[SolidState],
+    rods: RodSide,
+    rod_states: Sequence[RodState],
+    tensions: Sequence[float],
+) -> Both:
+    """States of both models at the tensions [kPa] that both reached, with what levels them."""
+
+    def levelled(side: SolidSide | RodSide, state: State, tension: float) -> Levelled[State]:
+        points = side.points(state)  # pyright: ignore[reportArgumentType]  (each side has its own states)
+        return Levelled(tension, state, rotation(-points.tilt), 0.5 * (points.axis[0] + points.axis[-1]))
+
+    return tuple(
+        (levelled(solid, a, tension), levelled(rods, b, tension))
+        for tension, a, b in zip(tensions, solid_states, rod_states, strict=False)
+    )
 
 
 def solid_outline(side: SolidSide, state: SolidState) -> Array:

@@ -12,10 +12,11 @@ from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.solid.from_design import tension_step
 from fem_biobot.solid.measures import Measurer
-from fem_biobot.solid.model import SolidModel, solve
+from fem_biobot.solid.model import SolidModel, SolidState, solve
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
 from fem_biobot.study.richardson import Limit, Verdict, limit
+from fem_biobot.study.views import state_view
 from fem_biobot.tables import Table
 from fem_biobot.view.tissue import lines
 
@@ -78,13 +79,16 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
     notes: list[str] = []
     sizes = plan.falling(design)
     rows: list[dict[str, object]] = []
+    finest: tuple[SolidState, str] | None = None
     reporter.stage("meshes and elements", len(sizes) * len(plan.elements))
     for size in sizes:
         mesh, more = mesh_for(design.with_values({"mesh.size": size}))
         notes += [note for note in more if note not in notes]
         for element in plan.elements:
             try:
-                rows.append(_row(design, mesh, element, size))
+                row, state = _row(design, mesh, element, size)
+                rows.append(row)
+                finest = state, f"{element} at {size:g} mm"
             except SolveError as failure:
                 notes.append(f"{element} at {size:g} mm: left out: {failure}")
             reporter.advance(f"{element} at {size:g} mm")
@@ -114,11 +118,12 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
         _draw(design, rows, limits, figures),
         notes,
         remarks,
+        [] if finest is None else [state_view(design, finest[0], title="The finest mesh", label=finest[1])],
     )
 
 
-def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> dict[str, object]:
-    """Measures of the state on one mesh with one element."""
+def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dict[str, object], SolidState]:
+    """Measures of the state on one mesh with one element, and the state."""
     whole = SolidModel.from_design(design, mesh)
     model = SolidModel(mesh, whole.materials, whole.active, whole.supports, whole.loads, element=element)
     tension = design.tension(design.drive.amplitude) if design.muscle is not None else 0.0
@@ -132,7 +137,7 @@ def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> dict[str,
         "elements_1": mesh.n_elements,
         "unknowns_1": model.n_dofs,
     }
-    return row | {name: found[name] for name in _QUANTITIES if found.get(name) is not None}
+    return row | {name: found[name] for name in _QUANTITIES if found.get(name) is not None}, state
 
 
 def _limits(rows: Sequence[dict[str, object]], plan: ConvergencePlan) -> dict[tuple[str, str], Limit]:

@@ -13,6 +13,7 @@ from fem_biobot.link.sections import Stiffnesses
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
+from fem_biobot.study.views import both_view
 from fem_biobot.tables import Table
 from fem_biobot.view.crosscheck import both_over, differences, overlaid
 
@@ -81,6 +82,7 @@ def told(found: CrossCheck, figures: Path, notes: Sequence[str] = ()) -> Finding
         _draw(found, plain, figures),
         [*notes, *found.notes],
         remarks,
+        [both_view(design, found.levelled)],
     )
 
 

@@ -19,6 +19,7 @@ from fem_biobot.study.outputs import figures_folder, tables_folder, write_table
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
 from fem_biobot.tables import Table
+from fem_biobot.view.interactive import Moving
 from fem_biobot.view.report import write_report
 
 
@@ -40,6 +41,8 @@ class Finding:
         What was used instead of what.
     remarks
         Lines below the tables.
+    views
+        Interactive views for the report.
     """
 
     numbers: Mapping[str, Any]
@@ -48,6 +51,7 @@ class Finding:
     figures: Sequence[tuple[Path, str]] = ()
     notes: Sequence[str] = ()
     remarks: Sequence[str] = ()
+    views: Sequence[Moving] = ()
 
 
 Work = Callable[[Design, Path], Finding]
@@ -131,6 +135,7 @@ def examine(
         list(finding.figures),
         [(t.title, t.header, t.rows) for t in finding.tables],
         [*finding.remarks, *finding.notes],
+        views=finding.views,
         title=f"{design.name}: {job['kind']}",
     )
     folder.close(summary)

@@ -12,6 +12,7 @@ from fem_biobot.study.claims import Claim, Verdict
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
 from fem_biobot.study.validation import Sensitivity, validate
+from fem_biobot.study.views import both_view
 from fem_biobot.tables import Table
 from fem_biobot.view.validation import beside_measured, tornado
 
@@ -22,7 +23,7 @@ def validation_finding(
     design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str] = ()
 ) -> Finding:
     """Predictions of the paper's numbers, verdicts, and what assumed inputs do to them."""
-    claims, assumed = validate(design, mesh, reporter)
+    claims, assumed, both = validate(design, mesh, reporter)
     judged = Counter(claim.verdict(value) for claim in claims for value in claim.predictions.values())
     told = [claim for claim in claims if not claim.predictions]
     remarks = [
@@ -41,6 +42,7 @@ def validation_finding(
         _draw(design, claims, assumed, figures),
         list(notes),
         remarks,
+        [both_view(design, both)],
     )
 
 

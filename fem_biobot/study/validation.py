@@ -17,6 +17,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, ModelError, SolveError
 from fem_biobot.link.observed import Observed
 from fem_biobot.link.rod_side import RodSide
+from fem_biobot.link.shapes import Both, level_both
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.compaction import compacted_section
@@ -69,7 +70,7 @@ class Sensitivity:
     as_is: float
 
 
-def validate(design: Design, mesh: BodyMesh, reporter: Reporter) -> tuple[list[Claim], list[Sensitivity]]:
+def validate(design: Design, mesh: BodyMesh, reporter: Reporter) -> tuple[list[Claim], list[Sensitivity], Both]:
     """Predict the paper's numbers with a design of its machine.
 
     Parameters
@@ -83,16 +84,18 @@ def validate(design: Design, mesh: BodyMesh, reporter: Reporter) -> tuple[list[C
 
     Returns
     -------
-    list of Claim, list of Sensitivity
-        In the order of the paper's sections, and the rods' sensitivities to assumed inputs.
+    list of Claim, list of Sensitivity, Both
+        In the order of the paper's sections, the rods' sensitivities to assumed inputs, and the states of both models.
     """
     tensions = sorted({*_PATH, design.tension(0.0), design.tension(design.drive.amplitude)})
     reporter.stage("solid and rods from rest to full drive", len(tensions) + 2)
-    solid, _ = SolidSide(design, mesh).states(tensions, reporter)
-    rods, _ = RodSide(design, reduce(design)).states(tensions, reporter)
+    solid_side, rod_side = SolidSide(design, mesh), RodSide(design, reduce(design))
+    solid, solid_states = solid_side.states(tensions, reporter)
+    rods, rod_states = rod_side.states(tensions, reporter)
     claims = [*_deflections(solid, rods), *_forces(design, solid, rods), _ring_bot(reporter), *_widths(design)]
     claims += _walking(design, reporter)
-    return [*claims, *_sizes(design), *_not_predicted()], sensitivities(design)
+    both = level_both(solid_side, solid_states, rod_side, rod_states, tensions)
+    return [*claims, *_sizes(design), *_not_predicted()], sensitivities(design), both
 
 
 def _deflections(solid: Sequence[Observed], rods: Sequence[Observed]) -> list[Claim]:

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.design import Design
+from fem_biobot.link.shapes import Both
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodState
 from fem_biobot.rod.tube_stress import normal_stress
 from fem_biobot.rod.tubes import Piece, ground_square, pieces
-from fem_biobot.study.outputs import machine_of, shape_of
+from fem_biobot.solid.model import SolidState
+from fem_biobot.study.outputs import machine_of, nodal_fields, shape_of
 from fem_biobot.study.plan import Found
 from fem_biobot.view.interactive import Moving
-from fem_biobot.view.machine import GEL, MUSCLE
-from fem_biobot.view.moving import GROUND, machine_view, stress_field
+from fem_biobot.view.machine import GEL, MUSCLE, Shape
+from fem_biobot.view.moving import GROUND, machine_view, side_by_side, stress_field
 from fem_biobot.view.surface import feature_edges
 
 Array = NDArray[np.float64]
@@ -43,6 +46,36 @@ def solid_views(design: Design, states: Sequence[Found]) -> list[Moving]:
         shapes = [shape_of(design, f.state, f.wanted.key, f.wanted.label) for f in (*([rest] if rest else []), *own)]
         views.append(machine_view(machine, shapes, title=f"Solid model{word}"))
     return views
+
+
+def both_view(design: Design, levelled: Both) -> Moving:
+    """The solid and, behind it, the rods at the same tensions, levelled, under one colour bar."""
+    solids, rods = zip(*levelled, strict=True)
+    labels = [f"{each.tension:.3g} kPa" for each in solids]
+    machine, shapes = machine_of(design, solids[0].state), []
+    for each, label in zip(solids, labels, strict=True):
+        fields, points = nodal_fields(each.state), each.state.model.system.space.points
+        shapes.append(Shape("", label, each.place(points + each.state.u) - points, fields["von_mises_kPa"]))
+    first = machine_view(machine, shapes, title="", from_rest=False)
+    second = rod_view([each.state for each in rods], title="", labels=labels)
+    placed = np.array([each.place(p) for each, p in zip(rods, second.points, strict=True)])
+    return side_by_side(
+        first,
+        replace(second, points=placed),
+        title="Solid and rods at the same tensions",
+        words=("solid:", "rods:"),
+        label="stress [kPa]: von Mises in the solid, normal stress (its size) in the rods",
+    )
+
+
+def state_view(design: Design, state: SolidState, *, title: str, label: str) -> Moving:
+    """A body at rest and in one state."""
+    nothing = np.zeros_like(state.u)
+    rest = shape_of(design, replace(state, u=nothing), "rest", "at rest")
+    flat = {name: None if (v := getattr(rest, name)) is None else 0.0 * v for name in ("von_mises", "fibre_stress")}
+    return machine_view(
+        machine_of(design, state), [replace(rest, **flat), shape_of(design, state, "state", label)], title=title
+    )
 
 
 def walk_view(walk: Walk, *, shown: float = _SHOWN) -> Moving:

@@ -19,9 +19,9 @@ _PERCENT = 99.0  # where the colours of a stress end: at a sharp corner it grows
 
 
 def machine_view(
-    machine: Machine, shapes: Sequence[Shape], *, title: str, shown: int = -1, caption: str = ""
+    machine: Machine, shapes: Sequence[Shape], *, title: str, shown: int = -1, caption: str = "", from_rest: bool = True
 ) -> Moving:
-    """A body in its states, the first at rest, coloured by stress, displacement and the muscle's stretch.
+    """A body in its states, coloured by stress, displacement and the muscle's stretch.
 
     Parameters
     ----------
@@ -30,7 +30,9 @@ def machine_view(
     shapes
         States in order; fields as `Shape` has them, the same ones in all.
     title, shown, caption
-        As of `Moving`; a sentence about the colours is added to the caption.
+        As of `Moving`; a sentence about the states is added to the caption.
+    from_rest
+        Whether the first state is the body at rest, from which displacement counts and is exaggerated.
     """
     cells, of_muscle = machine.split[1], machine.of_muscle
     # each region closed, so that one can be looked at without the other
@@ -47,7 +49,7 @@ def machine_view(
         values = np.array([machine.nodal(np.asarray(shape.von_mises)) for shape in shapes])
         fields.append(stress_field("von Mises Cauchy stress [kPa]", values, values[:, outer]))
     moved = np.linalg.norm(points - points[0], axis=1)
-    if moved.max() > 0.0:
+    if from_rest and moved.max() > 0.0:
         fields.append(Coloured("displacement [mm]", moved, (0.0, float(moved.max())), "viridis"))
     if machine.muscle.any() and all(shape.fibre_stretch is not None for shape in shapes):
         values = np.array([machine.nodal(np.asarray(shape.fibre_stretch), muscle_only=True) for shape in shapes])
@@ -65,7 +67,41 @@ def machine_view(
         fields=fields,
         caption=f"{caption} To scale unless exaggerated; from one state to the next along straight lines.".strip(),
         shown=shown,
-        exaggerated=bool(moved.max() > 0.0),
+        exaggerated=bool(from_rest and moved.max() > 0.0),
+    )
+
+
+def side_by_side(first: Moving, second: Moving, *, title: str, words: tuple[str, str], label: str) -> Moving:
+    """Two views of the same states as one, the second behind the first, under one colour bar.
+
+    Parameters
+    ----------
+    first, second
+        With a stress as their first field.
+    title
+        Of the whole.
+    words
+        Put before the parts' names.
+    label
+        Of the stress of both, with its unit.
+    """
+    n, count = first.points.shape[2], len(first.parts)
+    # a fifth of the first one's width between them
+    across = first.points[:, 1]
+    away = np.array([0.0, across.max() + 0.2 * np.ptp(across) - second.points[:, 1].min(), 0.0])
+    stress = np.hstack([view.fields[0].values for view in (first, second)])
+    both = zip(words, (first, second), strict=True)
+    return Moving(
+        title,
+        np.concatenate([first.points, second.points + away[:, None]], axis=2),
+        np.hstack([first.triangles, second.triangles + n]),
+        np.concatenate([first.part, second.part + count]),
+        {f"{word} {name}": colour for word, view in both for name, colour in view.parts.items()},
+        first.labels,
+        edges=np.hstack([first.edges, second.edges + n]),
+        fields=[stress_field(label, stress, stress)],
+        caption="To scale; from one state to the next along straight lines.",
+        shown=first.shown,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -167,3 +168,14 @@ def test_a_mesh_without_muscle_is_refused_before_anything_is_written(
         assert len(told) == 1
         assert "found no muscle" in told[0]
         assert not out.exists()
+
+
+def test_the_report_turns_both_models_at_every_tension(result: tuple[Path, dict[str, Any]]) -> None:
+    """Catches: a view of one state, of one model, or none."""
+    text = (result[0] / "report.html").read_text(encoding="utf-8")
+    (data,) = re.findall(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)
+    view = json.loads(data)
+    tensions = sorted({row["tension_kPa"] for row in _rows(result[1], "closed_form")})
+    assert view["labels"] == [f"{tension:.3g} kPa" for tension in tensions]
+    assert {part["name"].split(":")[0] for part in view["parts"]} == {"solid", "rods"}
+    assert "[kPa]" in view["fields"][0]["label"]

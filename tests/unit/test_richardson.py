@@ -107,6 +107,7 @@ def test_the_command_tells_what_each_number_tends_to(tmp_path: Path, capsys: pyt
     assert unknowns == sorted(unknowns)
     assert {row["element"] for row in found["rows"]} == {"P2"}
     assert (out / "figures" / "convergence_P2.png").stat().st_size > 10_000
+    assert '"labels":["at rest","P2 at 0.5 mm"]' in (out / "report.html").read_text(encoding="utf-8")
     assert main([*given, "--json"]) == 0
 
 

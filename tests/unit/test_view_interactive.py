@@ -21,7 +21,7 @@ from fem_biobot.rod.tube_stress import normal_stress
 from fem_biobot.rod.tubes import pieces
 from fem_biobot.study.views import rod_view
 from fem_biobot.view.interactive import Coloured, Moving, figure
-from fem_biobot.view.moving import machine_view
+from fem_biobot.view.moving import machine_view, side_by_side
 from fem_biobot.view.report import write_report
 from tests.unit.test_view_machine import body, shape
 
@@ -135,6 +135,23 @@ def test_a_body_moves_from_rest_and_shows_its_stress() -> None:
     assert np.array_equal(np.isnan(stretch.values[0]), ~machine.of_muscle)
     # the parts are closed each: the wall between them is there twice
     assert view.triangles.shape[1] > machine.surface.shape[1]
+
+
+def test_two_models_stand_behind_each_other_under_one_bar() -> None:
+    """Catches: one drawn into the other, colours of one model's range, parts that hide those of the other."""
+    stress = np.array([[0.0, 1, 2, 3, 4], [5, 6, 7, 8, 9]])
+    one = triangle(fields=[Coloured("a", stress, (0.0, 9.0))])
+    other = triangle(fields=[Coloured("b", 10.0 * stress, (0.0, 90.0))])
+    both = side_by_side(one, other, title="both", words=("solid:", "rods:"), label="stress [kPa]")
+    first, second = both.points[:, :, :5], both.points[:, :, 5:]
+    assert np.array_equal(first, one.points)
+    assert second[:, 1].min() - first[:, 1].max() == pytest.approx(0.2 * np.ptp(first[:, 1]))
+    assert np.allclose(second[:, [0, 2]], other.points[:, [0, 2]])
+    assert list(both.parts) == ["solid: gel", "solid: muscle", "rods: gel", "rods: muscle"]
+    assert np.array_equal(both.part[5:], other.part + 2)
+    assert np.array_equal(both.triangles[:, 2:], other.triangles + 5)
+    assert both.fields[0].limits[1] > 80.0
+    assert len(figure(both)) > 1000
 
 
 def cantilever(force: tuple[float, float, float]) -> RodModel:

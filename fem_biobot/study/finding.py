@@ -16,6 +16,7 @@ from fem_biobot.config import digest
 from fem_biobot.design import Design
 from fem_biobot.study.folder import ResultFolder, write_design
 from fem_biobot.study.outputs import figures_folder, tables_folder, write_table
+from fem_biobot.study.provenance import appendix
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
 from fem_biobot.tables import Table
@@ -136,6 +137,7 @@ def examine(
         [(t.title, t.header, t.rows) for t in finding.tables],
         [*finding.remarks, *finding.notes],
         views=finding.views,
+        appendix=appendix(design),
         title=f"{design.name}: {job['kind']}",
     )
     folder.close(summary)

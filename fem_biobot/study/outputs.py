@@ -17,6 +17,7 @@ from fem_biobot.solid.measures import eq3_stiffness
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.stress import cauchy_stress, element_mean, fibre_stress, first_piola_stress, node_probe, von_mises
 from fem_biobot.study.plan import Found
+from fem_biobot.study.provenance import appendix
 from fem_biobot.view.interactive import Moving
 from fem_biobot.view.machine import Machine, Shape, machine_pictures
 from fem_biobot.view.pictures import draw_pictures
@@ -255,7 +256,7 @@ def write_run_report(
     tables.append(_table("States", [{name: s.get(name) for name in kept} for s in solid["states"]]))
     tables += more
     write_report(
-        folder / "report.html", summary, figures, tables, summary["notes"], views=views,
+        folder / "report.html", summary, figures, tables, summary["notes"], views=views, appendix=appendix(design),
         title=f"{design.name}: stress and stroke",
     )  # fmt: skip
 

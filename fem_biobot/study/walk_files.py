@@ -16,6 +16,7 @@ from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.published.course import diagnostics
 from fem_biobot.study import compare, rod_outputs
 from fem_biobot.study.outputs import figures_folder, write_table
+from fem_biobot.study.provenance import appendix
 from fem_biobot.study.views import MOST_WALKS, walk_view
 from fem_biobot.view.gait import step_against_frequency
 from fem_biobot.view.report import write_report
@@ -131,7 +132,8 @@ def write_walk_report(
         tables.append(table("Beside the paper", beside))
     write_report(
         folder / "report.html", summary, figures, tables, summary["notes"],
-        views=[walk_view(walk) for walk in walks[:MOST_WALKS]], title=f"{design.name}: walking",
+        views=[walk_view(walk) for walk in walks[:MOST_WALKS]], appendix=appendix(design),
+        title=f"{design.name}: walking",
     )  # fmt: skip
 
 

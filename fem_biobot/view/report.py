@@ -40,7 +40,9 @@ th, td { padding: .28rem .8rem .28rem 0; border-bottom: 1px solid #e3e7ea; text-
 th { border-bottom: 2px solid #b9c0c6; font-weight: 600; }
 .number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 footer { margin-top: 3rem; border-top: 1px solid #b9c0c6; color: #667079; font-size: .85rem; }
-@media print { body { margin: 0; max-width: none; } figure, table { break-inside: avoid; } }
+@media print { body { margin: 0; max-width: none; font-size: 11px; } figure, tr { break-inside: avoid; }
+  h2 { break-after: avoid; } thead { display: table-header-group; } .wide { overflow: visible; }
+  img { max-height: 16cm; } th, td { padding-right: .5rem; } }
 """.strip()
 
 
@@ -52,6 +54,7 @@ def write_report(
     notes: Sequence[str],
     *,
     views: Sequence[Moving] = (),
+    appendix: Sequence[Table] = (),
     title: str = "Report of a run",
 ) -> None:
     """Write the report.
@@ -72,6 +75,8 @@ def write_report(
         What the reader must know first, such as what was used instead of what.
     views
         Interactive views, before the tables.
+    appendix
+        Tables after the figures.
 
     Raises
     ------
@@ -91,6 +96,7 @@ def write_report(
         rows = _flat(summary.get(key))
         if rows:
             parts.append(_table(path, name, ("quantity", "value"), rows))
+    parts += [_table(path, *table) for table in appendix]
     parts.append(_footer(summary))
     if views:
         parts.append(f"<script>{interactive.script()}</script>")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from fem_biobot.design import Design
+from fem_biobot.equations import equation_1
 from fem_biobot.errors import DesignError
 from fem_biobot.muscle.oxygenation import viable_gamma
 
@@ -21,7 +22,7 @@ def active_force(design: Design) -> float:
     muscle = design.value("muscle")
     if muscle is None:
         raise DesignError(f"muscle: found none (kind {design.kind}), expected one for an active force")
-    return float(viable_gamma(design) * muscle.active_tension * design.junction_section * math.sin(muscle.theta))
+    return float(equation_1(muscle.active_tension, design.junction_section, muscle.theta, viable_gamma(design)))
 
 
 def amplitude_for_force(design: Design, force: float) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fem_biobot.design import Design
+from fem_biobot.equations import equation_3
 from fem_biobot.errors import MeshError
 from fem_biobot.material.active_strain import ActiveStrain
 from fem_biobot.material.law import PAIRS, Array, add_law, inverse, is_symmetric, volume_ratio
@@ -38,7 +39,7 @@ def eq3_stiffness(design: Design) -> float:
     """
     skeleton = design.skeleton
     assert skeleton is not None
-    return 8.0 * skeleton.material.young * design.second_moment / (design.moment_arm * design.span**2)
+    return equation_3(1.0, skeleton.material.young * design.second_moment, design.moment_arm, design.span)
 
 
 @dataclass(frozen=True)

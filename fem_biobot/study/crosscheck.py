@@ -50,8 +50,8 @@ def crosscheck_finding(
     return told(crosscheck(design, mesh, reporter=reporter), figures, notes)
 
 
-def told(found: CrossCheck, figures: Path, notes: Sequence[str] = ()) -> Finding:
-    """A cross-check as tables, rows and figures."""
+def told(found: CrossCheck, figures: Path, notes: Sequence[str] = (), *, views: bool = True) -> Finding:
+    """A cross-check as tables, rows, figures, and, if asked for, both models to turn."""
     rows = {stiffness: found.rows(stiffness) for stiffness in Stiffness}
     plain = rows[Stiffness.closed_form]
     judged = [row for row in plain if row.within is not None]
@@ -82,7 +82,7 @@ def told(found: CrossCheck, figures: Path, notes: Sequence[str] = ()) -> Finding
         _draw(found, plain, figures),
         [*notes, *found.notes],
         remarks,
-        [both_view(design, found.levelled)],
+        [both_view(found.design, found.levelled)] if views else [],
     )
 
 

@@ -62,4 +62,5 @@ def run_crosscheck(
         )
     except BiobotError as reason:
         return Finding({}, notes=[f"cross-check: left out: {reason}"])
-    return told(checked, figures_folder(folder))
+    # a run has both models to turn already
+    return told(checked, figures_folder(folder), views=False)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import stat
+import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -62,6 +65,20 @@ class Dies:
     def perform(self) -> dict[str, Any]:
         """Kill the process."""
         os.kill(os.getpid(), signal.SIGKILL)
+        return {}
+
+
+@dataclass(frozen=True)
+class Mumbles:
+    """An order whose worker says something else on the way of its answers, and lives on."""
+
+    def perform(self) -> dict[str, Any]:
+        """Write to whatever is open for answers, and sleep."""
+        for number in range(3, 64):
+            with suppress(OSError):
+                if stat.S_ISFIFO(os.fstat(number).st_mode):
+                    os.write(number, b"no pickle at all\n")
+        time.sleep(60.0)
         return {}
 
 

@@ -2,13 +2,17 @@
 
 A case is finished when its row lies in the folder ``cases``. Finished cases are never done again, however the sweep
 ended, and also where its file has grown since; the table is made anew from the rows, so none is lost.
+
+Cases share meshes and nothing else. To begin a solve at the states of a finished neighbour was tried on the junction
+bot at 16 000 unknowns: 15 to 33 iterations for its five states under a tension, 11 to 20 with the neighbour's
+increments, where the path's own predictor takes 15 or 16; and rows would depend on who ended first.
 """
 
 from __future__ import annotations
 
 import shutil
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +121,7 @@ def _carry_out(plan: SweepPlan, cases: Path, meshes: Path, make: MakeRunner, rep
     _compile(plan.task, plan.base, reporter)
     runner = make(cases.parent)
     try:
-        reporter.stage(f"{plan.task.value}, {runner.capacity} at a time", len(waiting))
+        reporter.stage(f"cases to {plan.task.value}", len(waiting))
         for ended in _answers(runner, waiting):
             for key, row in ended.items():
                 if row["status"] == "disk":
@@ -133,19 +137,19 @@ def _carry_out(plan: SweepPlan, cases: Path, meshes: Path, make: MakeRunner, rep
     return rows
 
 
-def _answers(runner: Runner, waiting: deque[CaseOrder]) -> Any:
+def _answers(runner: Runner, waiting: deque[CaseOrder]) -> Iterator[Rows]:
     """Rows by key as cases end, some at a time. A mesh is asked for before the first case that needs it."""
     tried: set[Path] = set()
     asked: dict[str, Path] = {}
     under_way = 0
 
-    def ready(order: CaseOrder) -> bool:
+    def meshed(order: CaseOrder) -> bool:
         file = needs_mesh(order)
         return file is None or file in tried or file.exists()
 
     while waiting or under_way:
         while under_way < runner.capacity:
-            order = next((o for o in waiting if ready(o)), None)
+            order = next((o for o in waiting if meshed(o)), None)
             if order is not None:
                 waiting.remove(order)
                 runner.submit(order.key, order)

@@ -19,6 +19,7 @@ T = TypeVar("T")
 
 # what keeps a worker to one thread, whatever was asked of this process
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+_LAST_WORDS = 10.0  # s, for a process that has closed its output to end
 _PROGRAM = "from fem_biobot.study.sweep_worker import main; main()"
 
 
@@ -89,7 +90,11 @@ class _Worker:
             to.flush()
             return pickle.load(back)
         except (EOFError, OSError, pickle.UnpicklingError):
-            code = self.process.wait()
+            try:
+                code = self.process.wait(_LAST_WORDS)
+            except subprocess.TimeoutExpired:  # it lives and says what is no answer
+                self.end()
+                return "its worker process gave no answer that can be read"
             how = f"signal {-code}" if code < 0 else f"code {code}"
             return f"its worker process ended with {how}; is there enough memory for as many workers?"
 

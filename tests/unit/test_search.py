@@ -140,7 +140,10 @@ def test_rods_answer_and_the_answer_holds(tmp_path: Path, capsys: pytest.Capture
     found = answer(load_design("junction_bot", [override]), Model.rod).numbers
     assert found["force"] == pytest.approx(3.0, rel=1e-3)
     assert found["stroke_force"] == pytest.approx(found["force"] - found["passive_force"])
-    assert found["stroke"] > 0.1
+    # without active tension full drive is the passive state
+    passive = answer(load_design("junction_bot", [override, "muscle.active_tension=0 kPa"]), Model.rod).numbers
+    assert found["stroke"] == pytest.approx(found["closing"] - passive["closing"], rel=1e-6)
+    assert passive["stroke"] == 0.0
     assert len(summary["search"]["rows"]) >= 4
     assert {"Will it work?", "What gives it"} <= {t["title"] for t in summary["tables"]}
     assert (tmp_path / "out" / "figures" / "search.png").stat().st_size > 5_000
@@ -268,3 +271,14 @@ def test_plans_that_ask_twice_and_machines_without_a_stroke() -> None:
             load_design("junction_bot", ["muscle.passive_tension=0 kPa", "muscle.active_tension=0 kPa"])
         )
     assert closest_to(list[Solution](), load_design("junction_bot"), (theta,)) is None
+
+
+def test_the_least_change_is_measured_in_the_ranges() -> None:
+    """Ten millimetres of a range of a hundred are less than half of a range of 0.1 mm.
+
+    Catches: millimetres added up.
+    """
+    design, none = load_design("junction_bot"), Answer({})
+    vary = (Range(THICKNESS, 0.6, 0.7), Range(WIDTH, 1.0, 101.0))
+    thicker, wider = (Solution(values, None, none) for values in ((0.63, 2.2), (0.68, 12.2)))
+    assert closest_to([thicker, wider], design, vary) is wider

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import shutil
 import signal
@@ -17,15 +18,15 @@ import pytest
 from fem_biobot.errors import DesignError, DiskError, FileError, MeshError, SolveError
 from fem_biobot.mesh import store
 from fem_biobot.mesh.store import stored_file, stored_mesh
-from fem_biobot.study import sweep_case
+from fem_biobot.study import sweep_case, sweep_runner
 from fem_biobot.study.run import run
 from fem_biobot.study.sweep import sweep
 from fem_biobot.study.sweep_case import CaseOrder, MeshOrder, kept_row, needs_mesh
 from fem_biobot.study.sweep_file import SweepPlan, Task, read_sweep
-from fem_biobot.study.sweep_findings import column, rank_correlations
+from fem_biobot.study.sweep_findings import column, rank_correlations, told
 from fem_biobot.study.sweep_runner import LocalRunner
 from tests.command import call, command, environment
-from tests.sweeps import Dies, Fails, Inline, Says, walks
+from tests.sweeps import Dies, Fails, Inline, Mumbles, Says, walks
 
 STRIPS = """
 base = "strip"
@@ -184,6 +185,20 @@ def test_clusters_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.
         sweep_cluster.ClusterRunner("tcp://127.0.0.1:9", tmp_path)
 
 
+def test_a_worker_that_answers_nonsense_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its order is told to have no answer.
+
+    Catches: waiting for the end of a process that does not end.
+    """
+    monkeypatch.setattr(sweep_runner, "_LAST_WORDS", 0.2)
+    runner = LocalRunner(1)
+    try:
+        runner.submit("a", Mumbles())
+        assert runner.wait() == [("a", "its worker process gave no answer that can be read")]
+    finally:
+        runner.close()
+
+
 def test_a_worker_that_dies_costs_its_order_alone() -> None:
     """It is told how it ended, and another takes its place; a worker has one thread, and what it prints is no answer.
 
@@ -332,8 +347,6 @@ def test_rank_correlations_see_what_matters() -> None:
 
     Catches: Pearson's correlation, texts ranked by the alphabet, correlations of nothing.
     """
-    import math
-
     rows = [{"a": float(k), "b": float(3 * k % 7), "word": "x", "y": math.exp(k) - 3 * k % 7 / 5} for k in range(7)]
     (found,) = rank_correlations(rows, ["a", "b", "word"], ["y"])
     assert found["a"] == 1.0
@@ -353,6 +366,9 @@ def test_columns_carry_their_units() -> None:
     assert column("muscle.theta") == "muscle.theta_deg"
     assert column("muscle.material.density") == "muscle.material.density_kg_per_mm3"
     assert column("muscle.reference") == "muscle.reference"
+    assert told("muscle.theta", math.radians(70.0)) == 70.0
+    assert told("muscle.reference", "remodelled") == "remodelled"
+    assert told("skeleton.beam_width", 7.0) == 7.0
 
 
 @pytest.mark.parametrize(

@@ -47,10 +47,10 @@ def test_grid_rows_and_order(tmp_path: Path) -> None:
         assert row == pytest.approx(wanted, rel=1e-14)
 
 
-def test_a_case_is_the_design_that_the_same_texts_give(tmp_path: Path) -> None:
-    """Its digest is that of `--set`, [set] included; its key differs with the task and not with the name.
+def test_a_case_is_the_design_that_the_same_texts_give(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its digest is that of `--set`, [set] included; its key differs with task and version and not with the name.
 
-    Catches: values set behind the reader's back, [set] forgotten, results of two tasks taken for one another.
+    Catches: values set behind the reader's back, [set] forgotten, results of two versions taken for one another.
     """
     text = '[set]\nmesh.size = "2 mm"\n[grid]\nmuscle.theta = ["70 deg"]\n'
     walked = plan(tmp_path, text).cases[0]
@@ -60,6 +60,8 @@ def test_a_case_is_the_design_that_the_same_texts_give(tmp_path: Path) -> None:
     assert walked.design == solved.design
     assert walked.key != solved.key
     assert plan(tmp_path, text, 'name = "new"\n' + HEAD).cases[0].key == walked.key
+    monkeypatch.setattr("fem_biobot.__version__", "9.9")
+    assert plan(tmp_path, text).cases[0].key != walked.key
 
 
 @pytest.mark.parametrize("method", ["sobol", "latin_hypercube"])

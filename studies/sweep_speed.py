@@ -1,0 +1,242 @@
+"""Study: how much faster is a sweep with two workers than with one?
+
+Question
+--------
+64 walks of the junction bot's rods and 16 coarse solves of its solid, each as a sweep on one worker and on two, in
+turn: what is the ratio of the times that a user waits, and do both give the same rows?
+
+Run: ``python studies/sweep_speed.py [--level smoke|full] [--out FOLDER]``; a minute at smoke, some minutes at full on
+two idle processors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from fem_biobot.files import replacing
+from fem_biobot.progress import show_tables
+from fem_biobot.study.outputs import write_table
+from fem_biobot.study.sweep import sweep
+from fem_biobot.study.sweep_file import SweepPlan, read_sweep
+from fem_biobot.study.sweep_runner import LocalRunner, usable_processors
+from fem_biobot.tables import Table
+
+Row = dict[str, Any]
+
+# --- design -----------------------------------------------------------------------------------------------------------
+
+WALKS = """
+base = "junction_bot"
+task = "walk"
+[set]
+muscle.active_tension = "2.7 kPa"
+drive.duration = "{duration} s"
+[grid]
+muscle.passive_tension = {{ from = "0.5 kPa", to = "2 kPa", count = {first} }}
+skeleton.material.young = {{ from = "280 kPa", to = "360 kPa", count = {second} }}
+"""
+SOLVES = """
+base = "{base}"
+task = "solve"
+[set]
+mesh.size = "{size} mm"
+[grid]
+muscle.passive_tension = {{ from = "6 kPa", to = "9 kPa", count = {first} }}
+muscle.material.young = {{ from = "9 kPa", to = "11 kPa", count = {second} }}
+"""
+FILES = {
+    "smoke": {
+        "walks": WALKS.format(duration=1, first=2, second=2),
+        "solves": SOLVES.format(base="strip", size=0.8, first=2, second=2),
+    },
+    "full": {
+        "walks": WALKS.format(duration=6, first=8, second=8),
+        "solves": SOLVES.format(base="junction_bot", size=2.4, first=4, second=4),
+    },
+}
+# parts that each sweep is cut into; one and two workers take every part in turn, the other first every second time
+PARTS = {"smoke": 1, "full": 2}
+WORKERS = (1, 2)
+FLOOR = 1.6
+
+# --- quantity, and why it can converge --------------------------------------------------------------------------------
+#
+# Wall seconds of the whole sweep, interpreters that start and pictures at the end included: what a user waits. Beside
+# it processor seconds of the workers for each case, which other work on the machine hardly moves: two workers that did
+# not get into each other's way would take as many as one.
+
+
+@dataclass
+class Speed:
+    """A row for each kind of sweep, part and number of workers; load of the machine before and after."""
+
+    rows: list[Row] = field(default_factory=list)
+    same: dict[str, bool] = field(default_factory=dict)
+    load: tuple[float, float] = (0.0, 0.0)
+
+    def total(self, kind: str, workers: int, name: str) -> float:
+        """Sum over the parts of a kind."""
+        return sum(row[name] for row in self.rows if (row["sweep"], row["workers_1"]) == (kind, workers))
+
+    def ratio(self, kind: str) -> float:
+        """Wall seconds of one worker over those of two."""
+        return self.total(kind, 1, "wall_s") / self.total(kind, 2, "wall_s")
+
+    def busier(self, kind: str) -> float:
+        """Processor seconds of two workers over those of one, for the same cases."""
+        return self.total(kind, 2, "processor_s") / self.total(kind, 1, "processor_s")
+
+
+# --- run --------------------------------------------------------------------------------------------------------------
+
+
+def run(level: str) -> Speed:
+    """Both sweeps with one worker and with two, part by part in turn."""
+    found = Speed()
+    before = os.getloadavg()[0]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for kind, text in FILES[level].items():
+            file = folder / f"{kind}.toml"
+            file.write_text(text)
+            plan = read_sweep(file)
+            # compiles, and fills the disk's memory of what interpreters read
+            sweep(_part(plan, 0, len(plan.cases)), folder / f"{kind}_warm", runner=lambda _: LocalRunner(1))
+            same = True
+            for part in range(PARTS[level]):
+                cases = _part(plan, part, PARTS[level])
+                tables = []
+                for workers in WORKERS if part % 2 else WORKERS[::-1]:
+                    out = folder / f"{kind}_{part}_{workers}"
+                    row = {"sweep": kind, "part": part, "workers_1": workers, "cases_1": len(cases.cases)}
+                    with _timed(row):
+                        done = sweep(cases, out, runner=lambda _, n=workers: LocalRunner(n))
+                    found.rows.append({**row, "done_1": done["sweep"]["done_1"]})
+                    tables.append((out / "tables" / "cases.csv").read_bytes())
+                same = same and len(set(tables)) == 1
+            found.same[kind] = same
+    found.load = (before, os.getloadavg()[0])
+    return found
+
+
+def _part(plan: SweepPlan, part: int, parts: int) -> SweepPlan:
+    """Every so many-th case of a plan."""
+    return replace(plan, cases=plan.cases[part::parts])
+
+
+@contextmanager
+def _timed(row: Row) -> Iterator[None]:
+    """Wall seconds of the block, and processor seconds of the workers that ended in it."""
+    begin, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    yield
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    row["wall_s"] = time.perf_counter() - begin
+    row["processor_s"] = after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
+
+
+# --- expect -----------------------------------------------------------------------------------------------------------
+
+
+def expect(found: Speed, level: str) -> None:
+    """Every case is done, with the same rows; the ratio only on two processors that nobody else uses."""
+    for row in found.rows:
+        assert row["done_1"] == row["cases_1"], f"{row['sweep']}: {row['done_1']} of {row['cases_1']} cases done"
+    for kind, same in found.same.items():
+        assert same, f"{kind}: two workers give other rows than one"
+    if level == "full" and idle(found):
+        for kind in found.same:
+            assert found.ratio(kind) >= FLOOR, f"{kind}: two workers are only {found.ratio(kind):.2f} times as fast"
+
+
+def idle(found: Speed) -> bool:
+    """Whether there were two processors, and nobody else used them before."""
+    return usable_processors() >= 2 and found.load[0] < 0.5
+
+
+def verdict(found: Speed) -> list[str]:
+    """Each ratio, and whether it reaches the floor."""
+    lines = []
+    for kind in found.same:
+        met = "meets" if found.ratio(kind) >= FLOOR else "falls short of"
+        lines.append(
+            f"{kind}: two workers are {found.ratio(kind):.2f} times as fast as one, {met} {FLOOR:g}; they take "
+            f"{found.busier(kind):.2f} times the processor seconds"
+        )
+    return lines
+
+
+# --- what was found ---------------------------------------------------------------------------------------------------
+
+FOUND = """
+"""
+
+# --- what was not looked at -------------------------------------------------------------------------------------------
+
+NOT_LOOKED_AT = """
+More than two processors, clusters, meshes fine enough for the processors to share a memory that is too slow for both.
+"""
+
+
+def tables(found: Speed) -> list[Table]:
+    """What is printed."""
+    header = ("sweep", "part", "workers_1", "cases_1", "wall_s", "processor_s")
+    ratios = tuple((kind, found.ratio(kind), found.busier(kind), found.same[kind]) for kind in found.same)
+    return [
+        Table("Sweeps", header, tuple(tuple(row[name] for name in header) for row in found.rows)),
+        Table("Two workers", ("sweep", "times as fast as one", "processor seconds over one's", "same rows"), ratios),
+    ]
+
+
+def write(found: Speed, folder: Path) -> None:
+    """Table of the sweeps, and a picture of seconds a case."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(folder / "sweeps.csv", found.rows)
+    figure = Figure(figsize=(7.0, 3.6), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    for number, (axes, kind) in enumerate(zip(figure.subplots(1, 2), found.same, strict=True)):
+        for place, name in enumerate(("wall_s", "processor_s")):
+            each = [
+                statistics.mean(r[name] / r["cases_1"] for r in found.rows if (r["sweep"], r["workers_1"]) == (kind, n))
+                for n in WORKERS
+            ]
+            axes.bar([n + 0.3 * place for n in WORKERS], each, width=0.28, label=("waited", "worked")[place])
+        axes.set_xticks([n + 0.15 for n in WORKERS], [f"{n} worker{'s' * (n > 1)}" for n in WORKERS])
+        axes.set_title(f"{kind}: {found.ratio(kind):.2f} times as fast", fontsize=10)
+        axes.set_ylabel("seconds a case")
+        if number == 0:
+            axes.legend(frameon=False, fontsize=8)
+    with replacing(folder / "sweep_speed.png") as temporary:
+        figure.savefig(temporary, format="png")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--level", choices=tuple(FILES), default="full")
+    parser.add_argument("--out", type=Path, default=Path("runs") / "studies" / "sweep_speed")
+    options = parser.parse_args()
+    found = run(options.level)
+    show_tables(tables(found))
+    write(found, options.out)
+    load = f"load {found.load[0]:.1f} before, {found.load[1]:.1f} after"
+    print(f"\n{usable_processors()} processors may be used, {load}; files in {options.out}")
+    for line in verdict(found):
+        print(line)
+    expect(found, options.level)
+    print("every expectation holds")
+
+
+if __name__ == "__main__":
+    main()

@@ -7,7 +7,7 @@ energy of motion: feet that stick leave more than one answer, and this one is wh
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from fem_biobot.solid.dynamics.book import begun
 from fem_biobot.solid.dynamics.feet import feet_of
 from fem_biobot.solid.dynamics.integrate import solid_dynamics
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint
-from fem_biobot.solid.dynamics.settings import DynamicsSettings
+from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
 from fem_biobot.solid.dynamics.step import State
 from fem_biobot.solid.from_design import newton_settings, tension_step
 from fem_biobot.solid.model import SolidState, solve
@@ -81,7 +81,7 @@ def stand(
     design, body, ground
         The machine, free of supports, and what it stands on.
     settings
-        Of the integrator.
+        Of the integrator, whose scheme is backward Euler whatever it says.
     listener
         Told the time reached [s] and the energy of motion left [uJ].
 
@@ -90,6 +90,7 @@ def stand(
     SolveError
         A tension too strong for the beam, or a machine that does not come to rest; `best` is what was reached.
     """
+    settings = replace(settings or DynamicsSettings(), scheme=Scheme.backward_euler)
     passive = tension_step(design, design.tension(0.0))
     floating = solve(body.model, [passive], settings=newton_settings(design)).last
     u, tilt = placed(body, floating, ground)

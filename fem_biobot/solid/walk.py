@@ -15,7 +15,7 @@ from fem_biobot.muscle.waveforms import drive_function
 from fem_biobot.solid.dynamics.body import GRAVITY, MovingBody, moving_body
 from fem_biobot.solid.dynamics.integrate import solid_dynamics
 from fem_biobot.solid.dynamics.motion import SolidMotion, joined
-from fem_biobot.solid.dynamics.settings import DynamicsSettings
+from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
 from fem_biobot.solid.from_design import densities, tension_step
 from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.solid.happenings import fall, happened
@@ -92,7 +92,7 @@ def solid_walk(
     sample_every
         Steps between samples; by default as many as leave about 50 samples to a stroke.
     settings
-        Of the integrator.
+        Of the integrator; by default ``soft_landing``, see `solid.dynamics.settings.Scheme`.
     start
         How the machine stands; found first by default.
     before
@@ -128,6 +128,7 @@ def solid_walk(
     driven = drive_function(design.drive, frequency, amplitude)
     driven.check_step(step)
     ground = solid_ground(design)
+    settings = settings or DynamicsSettings(Scheme.soft_landing)
     clock = time.process_time()
     stood = start or stand(design, body, ground, settings=settings)
     if sample_every is None:

@@ -250,6 +250,7 @@ def test_models_that_do_not_move_are_refused() -> None:
     [
         ({"scheme": "leapfrog"}, "scheme: found 'leapfrog'"),
         ({"tolerance": 1.0}, "tolerance: found 1.0"),
+        ({"dissipation": -1.0}, "dissipation: found -1.0"),
         ({"max_iterations": 0}, "max_iterations: found 0"),
         ({"halvings": 1.5}, "halvings: found 1.5"),
     ],

@@ -126,7 +126,10 @@ def test_cantilever_swings_with_its_natural_frequency() -> None:
     assert 2.0 * (crossing[2] - crossing[0]) / 2.0 == pytest.approx(period, rel=2e-3)
 
 
-@pytest.mark.parametrize(("scheme", "declared"), [(Scheme.backward_euler, 1.0), (Scheme.energy_momentum, 2.0)])
+@pytest.mark.parametrize(
+    ("scheme", "declared"),
+    [(Scheme.backward_euler, 1.0), (Scheme.energy_momentum, 2.0), (Scheme.soft_landing, 2.0)],
+)
 def test_schemes_have_their_orders(scheme: Scheme, declared: float) -> None:
     """The error of a damped, driven motion falls with the declared power of the step.
 

@@ -12,7 +12,6 @@ import numpy as np
 from fem_biobot.material.law import Array
 from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.contact import Contact
-from fem_biobot.solid.dynamics.settings import Scheme
 from fem_biobot.solid.dynamics.step import Interval, Made, State, Stepper
 from fem_biobot.solid.dynamics.strain import green_lagrange, strain_change, work_of
 
@@ -44,9 +43,9 @@ def entered(
     du = after.u - before.u
     F0, E0 = stepper.beginning(before.u)
     F = forces.points.F
-    middle = stepper.settings.scheme is Scheme.energy_momentum
-    dF = 2.0 * (F - F0) if middle else F - F0
-    F1 = F0 + dF if middle else F
+    theta = stepper.settings.theta(interval.h)
+    dF = (F - F0) / theta
+    F1 = F if theta == 1.0 else F0 + dF
     end = system.points(F1, 0.0, moduli=False)
     passive = end.S if forces.passive is None else forces.passive
     worked = strain_change(F, dF)

@@ -96,7 +96,7 @@ def solid_dynamics(
 
     Notes
     -----
-    Order one with backward Euler, two with the energy-momentum scheme; see `Scheme`. A step that does not converge is
+    Of which order: see `Scheme`. A step that does not converge is
     halved, never accepted. Elements are those of displacements; forces have a potential.
     """
     for what, value in (("duration", duration), ("step", step)):
@@ -148,10 +148,10 @@ class _Run:
         drive: Drive | None,
         settings: DynamicsSettings,
     ) -> None:
-        if ground is not None and settings.scheme is not Scheme.backward_euler:
+        if ground is not None and settings.scheme is Scheme.energy_momentum:
             raise ModelError(
-                f"settings: scheme: found {settings.scheme} on a ground, expected backward_euler, whose impacts do not "
-                "bounce"
+                f"settings: scheme: found {settings.scheme} on a ground, expected backward_euler or soft_landing, "
+                "whose impacts do not bounce"
             )
         self.body, self.ground, self.settings = body, ground, settings
         self.feet = None if ground is None else feet_of(body, feet)
@@ -209,8 +209,7 @@ class _Run:
     def go(self, end: float, h: float, depth: int = 0) -> None:
         """One step that ends at a time; in two halves if it fails."""
         begin = end - h
-        middle = self.settings.scheme is Scheme.energy_momentum
-        interval = Interval(h, self.driven(begin + 0.5 * h if middle else end))
+        interval = Interval(h, self.driven(begin + self.settings.theta(h) * h))
         try:
             made = self.stepper.make(self.state, interval)
         except StepFailedError as failure:

@@ -21,8 +21,8 @@ from fem_biobot.solid.records import Step
 from fem_biobot.solid.step_failed import StepFailedError, Why
 from fem_biobot.solid.system import InvertedError, Points
 
-# an iteration that leaves more than this share of the residual has the factor renewed
-_SLOW = 0.3
+# iterations that are waited for with an old factor; a new one, with the compliance of the feet, costs more than these
+_PATIENCE = 12.0
 # the energy correction is left out where the strain changes by less: there it is below rounding
 _STILL = 1e-5
 
@@ -107,6 +107,7 @@ class Stepper:
         self.body, self.contact, self.settings = body, contact, settings
         self.factor: Factorisation = factorisation(body.system.pattern)
         self._length = 0.0  # of the step that the factor belongs to
+        self._massive: tuple[float, Array] | None = None  # inertial part of the tangent for a step's length
         self._begun: tuple[Array, Array, Array] | None = None  # displacement, gradient and strain where a step begins
 
     def beginning(self, u: Array) -> tuple[Array, Array]:
@@ -115,6 +116,18 @@ class Stepper:
             F = self.body.system.deformation_gradient(u)
             self._begun = (u, F, green_lagrange(F))
         return self._begun[1:]
+
+    def weights(self, h: float) -> Array:
+        """Weight of the end of a step in the motion of each node, (n, 1) [1]."""
+        found = np.full((self.body.system.space.n_nodes, 1), self.settings.theta(h))
+        if self.contact is not None:
+            found[self.contact.feet.nodes] = 1.0
+        return found
+
+    def velocity(self, state: State, u: Array, h: float) -> Array:
+        """Velocity at the end of a step to the displacement `u`, (n, 3) [mm/s]."""
+        theta = self.weights(h)
+        return ((u - state.u) / h - (1.0 - theta) * state.v) / theta
 
     def forces(self, state: State, u: Array, interval: Interval) -> Forces:
         """Forces with which the step would end at the displacement `u` (n, 3).
@@ -126,29 +139,30 @@ class Stepper:
         F1 = system.deformation_gradient(u)
         E1 = green_lagrange(F1)
         muscle = bool(system.contractions)
+        theta = self.settings.theta(h)
         if self.settings.scheme is Scheme.backward_euler:
-            F, rate = F1, 1.0
+            F = F1
             points = system.points(F1, interval.drive)
             S, D, passive = points.S, points.D, None
-            inertia = body.momentum_of(((u - state.u) / h - state.v) / h)
-            at = u
         else:
-            F, rate = 0.5 * (F0 + F1), 2.0
-            R = stretch_of(0.5 * (E0 + E1))
+            F = F0 + theta * (F1 - F0)
+            R = stretch_of(E0 + theta * (E1 - E0))
             found = system.points(R, 0.0)
-            passive = found.S + self._correction(found.S, F0, F1, E1 - E0)
+            passive = found.S
+            if self.settings.scheme is Scheme.energy_momentum:
+                passive = passive + self._correction(found.S, F0, F1, E1 - E0)
             S, D = passive.copy(), found.D.copy()
             if muscle:
                 active = system.points(R, interval.drive, passive=False)
                 S += active.S
                 D += active.D
-            inertia = body.momentum_of(2.0 / h * ((u - state.u) / h - state.v))
-            at = 0.5 * (state.u + u)
+        inertia = body.momentum_of((self.velocity(state, u, h) - state.v) / h)
+        at = state.u + theta * (u - state.u)
         viscous = None
         if body.viscosity is not None:
             viscous = stress_of(body.viscosity, E1 - E0) / h
             S = S + viscous
-            D = D + rate / h * body.viscosity
+            D = D + body.viscosity / (theta * h)
         points = Points(F, S, D, np.zeros(0))
         internal, magnitude = system.internal_force(points)
         external = system.external_force(at, interval.drive)
@@ -186,20 +200,25 @@ class Stepper:
 
     def _tangent(self, points: Points, S: Array, u: Array, interval: Interval) -> Array:
         """Upper triangle of the derivative of the unbalanced force, with the stress `S` in its geometric part."""
-        body, system = self.body, self.body.system
-        data = system.matrix(points, S, u, interval.drive)
-        if self.settings.scheme is Scheme.backward_euler:
-            data += body.mass / interval.h**2
-        else:
-            data *= 0.5
-            data += 2.0 / interval.h**2 * body.mass
+        system = self.body.system
+        data = self.settings.theta(interval.h) * system.matrix(points, S, u, interval.drive)
+        data += self._inertia(interval.h)
         system.block(data)
         return data
+
+    def _inertia(self, h: float) -> Array:
+        """Upper triangle of the derivative of the inertial force; between foot and body its symmetric mean."""
+        if self._massive is None or self._massive[0] != h:
+            p = self.body.system.pattern
+            share = np.repeat(1.0 / np.sqrt(self.weights(h).ravel()), 3)
+            rows = np.repeat(np.arange(p.n_dofs), np.diff(p.starts))
+            self._massive = (h, self.body.mass * share[rows] * share[p.columns] / h**2)
+        return self._massive[1]
 
     def make(self, state: State, interval: Interval) -> Made:
         """Make one step; raises `StepFailedError`."""
         try:
-            share = 1.0 if self.settings.scheme is Scheme.backward_euler else 0.5
+            share = self.settings.theta(interval.h)
             for guess in (state.u + interval.h * (state.v + share * interval.h * state.change), state.u):
                 try:
                     return self._iterate(state, self._held(guess, interval.drive), interval)
@@ -243,7 +262,7 @@ class Stepper:
                 return self._made(state, interval, at, met, iteration, factorisations)
             if iteration == settings.max_iterations:
                 break
-            slow = old is not None and at.norm > _SLOW * old.norm
+            slow = old is not None and _iterations_left(at.norm, old.norm, allowed) > _PATIENCE
             if slow and fresh is None and old is not None:
                 at = old  # an old factor misled
             if self._length != interval.h or slow:
@@ -284,10 +303,15 @@ class Stepper:
         self, state: State, interval: Interval, at: _At, met: Met | None, iterations: int, factorisations: int
     ) -> Made:
         h = interval.h
-        v = (at.u - state.u) / h
-        if self.settings.scheme is Scheme.energy_momentum:
-            v = 2.0 * v - state.v
+        v = self.velocity(state, at.u, h)
         touch = state.touch if met is None or self.contact is None else self.contact.settled(met)
         end = State(at.u, v, (v - state.v) / h, touch)
         scale = at.forces.scale
         return Made(end, at.forces, met, at.norm / scale if scale else 0.0, iterations, factorisations)
+
+
+def _iterations_left(norm: float, before: float, allowed: float) -> float:
+    """Iterations until a residual that goes on falling as it did is small enough; infinite if it does not fall."""
+    if norm >= before:
+        return np.inf
+    return float(np.log(norm / allowed) / np.log(before / norm)) if norm > allowed else 0.0

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from scipy.optimize import brentq
 
 from fem_biobot.design import Design
+from fem_biobot.equations import equation_1, equation_2
 from fem_biobot.mesh.layout import layout
 from fem_biobot.muscle.oxygenation import viable_gamma
 
@@ -75,7 +76,7 @@ def full_pull(design: Design, drive: float) -> float:
     muscle, gamma = design.value("muscle"), viable_gamma(design)
     standing = 1.0 if muscle.gamma_scales == "active" else gamma
     tension = standing * muscle.passive_tension + gamma * drive * muscle.active_tension
-    return math.sin(muscle.theta) * tension * design.junction_section
+    return equation_1(tension, design.junction_section, muscle.theta)
 
 
 def buckling_load(design: Design) -> float:
@@ -106,9 +107,9 @@ def bow(design: Design, drive: float, *, resisting: bool | None = None) -> Bow:
 
     def missing(force: float) -> float:
         """What the tissue can pull with at the shape that a force gives, less that force."""
-        e = _bent(design, force).shortening
-        young = design.value("muscle.material.young")
-        return free - design.junction_section * young * e / max(1.0 - e, 1e-9) - force
+        shortening = min(_bent(design, force).shortening, 1.0 - 1e-9)
+        resistance = equation_2(0.0, design.junction_section, design.value("muscle.material.young"), shortening)
+        return free + resistance - force
 
     return _bent(design, float(brentq(missing, 0.0, free, xtol=1e-10 * free)))  # pyright: ignore[reportArgumentType]
 

@@ -129,8 +129,9 @@ def told(key: str, value: Any) -> Any:
 
 
 def _cases(plan: SweepPlan, rows: Sequence[Row], names: Sequence[str], outputs: Sequence[str]) -> Table:
-    header = ("case", *names, *outputs, "works", "reason")
-    lines = tuple(tuple(row.get(name) for name in header) for row in rows[:_MOST_SHOWN])
+    header = ("case", *names, *outputs, "works", "against it")
+    told_of = [{**row, "against it": row["reason"] or row["against"]} for row in rows[:_MOST_SHOWN]]
+    lines = tuple(tuple(row.get(name) for name in header) for row in told_of)
     more = f", the first {_MOST_SHOWN} of {len(rows)} (all in tables/cases.csv)" if len(rows) > _MOST_SHOWN else ""
     return Table(f"{plan.name}: {plan.task.value}{more}", tuple(_spelt(name) for name in header), lines)
 

@@ -203,7 +203,7 @@ app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estima
 
 
 def _comparing(job: Callable[[jobs.Order], int], text: str) -> Callable[..., Job]:
-    """The commands `crosscheck` and `validate`, which take the same options."""
+    """A command that compares a design with something and asks for its mesh."""
 
     def command(
         design: DesignName = "junction_bot",
@@ -225,11 +225,37 @@ def _comparing(job: Callable[[jobs.Order], int], text: str) -> Callable[..., Job
     return command
 
 
-app.command("crosscheck")(
-    _comparing(
-        comparing_jobs.crosscheck, "Solve as a solid and as rods at the same tensions: how far they agree, and why not."
-    )
-)
+@app.command("crosscheck")
+def _crosscheck_command(
+    design: DesignName = "junction_bot",
+    measured: Annotated[
+        Path | None,
+        typer.Option("--measured", metavar="FILE.csv", help="Measured deflections: tell tension and modulus instead."),
+    ] = None,
+    fit: Annotated[
+        list[str] | None,
+        typer.Option("--fit", metavar="NAME", help="What is sought: tension, or passive and active; stiffness."),
+    ] = None,
+    out: Out = None,
+    size: Size = None,
+    mesh: MeshFile = None,
+    rename: Rename = None,
+    sets: Sets = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    force: Force = False,
+    debug: Debug = False,
+) -> Job:
+    """Solve as a solid and as rods at the same tensions: how far they agree, and why not."""
+    check_mesh(mesh, rename, size)
+    order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
+    if measured is not None:
+        return partial(comparing_jobs.measured, order, measured, fit or ())
+    if fit:
+        raise OptionError("--fit: found without --measured, expected the file of what was measured")
+    return partial(comparing_jobs.crosscheck, order)
+
+
 app.command("validate")(
     _comparing(
         comparing_jobs.validate, "Predict the paper's printed numbers: one verdict each, or why there is no prediction."

@@ -35,6 +35,28 @@ def crosscheck(order: Order) -> int:
     return 0
 
 
+def measured(order: Order, file: Path, names: Sequence[str]) -> int:
+    """Tension and modulus from a person's measured deflections."""
+    from fem_biobot.config import content_of, load_design
+    from fem_biobot.link.expected import expect
+    from fem_biobot.link.measured import read_measured
+
+    # refused before anything is meshed, and read by the resolved design again below
+    read_measured(file, load_design(order.design, order.sets))
+
+    def refuse(design: Design) -> None:
+        expect(design)
+
+    def work(design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str]) -> Finding:
+        from fem_biobot.study.measured import measured_finding
+
+        return measured_finding(design, mesh, read_measured(file, design), names, figures, reporter, notes)
+
+    given = {"measured": content_of(file), "fit": " ".join(names)}
+    _on_a_mesh(order, "measured", "measured", refuse, work, given)
+    return 0
+
+
 def validate(order: Order) -> int:
     """The paper's printed numbers beside ours; 1 if one that is predicted lies outside."""
     from fem_biobot.link.expected import causes
@@ -66,6 +88,7 @@ def _on_a_mesh(
     verb: str,
     refuse: Callable[[Design], None],
     work: Callable[[Design, BodyMesh, Path, Reporter, Sequence[str]], Finding],
+    others: dict[str, str] | None = None,
 ) -> dict[str, Any]:
     """Do a job on a design's mesh that ends in a finding, in a folder of its own, and show it; its summary."""
     from fem_biobot.config import load_design
@@ -91,7 +114,9 @@ def _on_a_mesh(
             return work(design, mesh, figures, reporter, notes)
 
         which = mesh_identity(order.mesh_file)
-        return examine(design, folder, subject, found, mesh=which, kind="", force=order.force, reporter=reporter)
+        return examine(
+            design, folder, subject, found, mesh=which, kind="", identity=others, force=order.force, reporter=reporter
+        )
 
     summary = worked(order, folder, job)
     show(order, summary, folder, lambda: (tables_of(summary), summary["remarks"]))

@@ -119,3 +119,36 @@ def overlaid(
         # a place is given: looking for the best one among many triangles takes long
         each.legend(loc="lower center", frameon=False, fontsize=8.5, labelcolor=INK)
     _save(figure, path, title)
+
+
+def fitted(
+    path: str | os.PathLike[str],
+    x: ArrayLike,
+    measured: ArrayLike,
+    deviation: ArrayLike,
+    curves: Mapping[str, ArrayLike],
+    *,
+    y: str,
+    title: str,
+) -> None:
+    """Measured values with their deviation over the drive, and fits.
+
+    `x`, `measured`, `deviation` and each of the `curves` are rows (r,); `y` names the ordinate with its unit.
+
+    Raises
+    ------
+    FileError
+        As `both_over`.
+    """
+    figure, (axes,) = _figure(1, (5.2, 3.6))
+    xs, ys = _pair(path, y, x, measured)
+    order = np.argsort(xs)
+    axes.errorbar(
+        xs, ys, yerr=np.asarray(deviation), fmt="o", color=INK, markersize=3.6, linewidth=1.0, label="measured"
+    )
+    for number, (name, values) in enumerate(curves.items()):
+        _, fit = _pair(path, name, x, values)
+        axes.plot(xs[order], fit[order], "-", color=COLOURS[number], linewidth=1.6, label=name)
+    _label(axes, "drive [1]", y)
+    _legend(axes)
+    _save(figure, path, title)

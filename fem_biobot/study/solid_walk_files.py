@@ -15,6 +15,7 @@ from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.study import walk_files
 from fem_biobot.study.outputs import figures_folder, tables_folder, write_state, write_table
+from fem_biobot.study.provenance import appendix
 from fem_biobot.view.gait import Foot, energy_book, foot_forces, position
 from fem_biobot.view.report import write_report
 from fem_biobot.view.together import Way, together
@@ -178,5 +179,11 @@ def write_solid_report(
     rows = [{name: walk.get(name) for name in _SHOWN} for walk in summary["walks"]]
     tables = [walk_files.table("Walking", rows)]
     write_report(
-        folder / "report.html", summary, figures, tables, summary["notes"], title=f"{design.name}: the solid walks"
+        folder / "report.html",
+        summary,
+        figures,
+        tables,
+        summary["notes"],
+        appendix=appendix(design),
+        title=f"{design.name}: the solid walks",
     )

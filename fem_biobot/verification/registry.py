@@ -18,6 +18,7 @@ from fem_biobot.verification import (
     rods,
     solid_fields,
     solid_machine,
+    solid_moving,
     solid_states,
     walker,
 )
@@ -25,9 +26,9 @@ from fem_biobot.verification.records import Case
 
 # every case that there shall be, in order
 IDS = (
-    *(f"S{k}" for k in range(1, 13)),
+    *(f"S{k}" for k in range(1, 14)),
     *(f"R{k}" for k in range(1, 10)),
-    *(f"C{k}" for k in range(1, 7)),
+    *(f"C{k}" for k in range(1, 8)),
     *(f"B{k}" for k in range(1, 4)),
 )
 _FAMILIES = (
@@ -43,6 +44,7 @@ _FAMILIES = (
     contact,
     contact_sticking,
     walker,
+    solid_moving,
     machine,
 )
 CASES: dict[str, Case] = {

@@ -10,8 +10,6 @@ Cannot see: friction that weakens from a rim inward, which rigid bodies do not h
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -22,34 +20,27 @@ from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.dynamics.integrate import solid_dynamics
 from fem_biobot.solid.dynamics.motion import SolidMotion
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
-from fem_biobot.solid.model import SolidModel, SolidState
-from fem_biobot.solid.records import Fix, Foundation, Step, Traction
+from fem_biobot.solid.model import SolidModel
+from fem_biobot.solid.records import Fix, Foundation, Traction
+from fem_biobot.verification.solid_moving import (
+    ANGLE,
+    DENSITY,
+    EULER,
+    HEIGHT,
+    PRESSURE,
+    SIZE,
+    SLIDING,
+    SOFT,
+    G,
+    acceleration,
+    block,
+    falling,
+    lowest,
+    on_slope,
+    pressed,
+    unevenness,
+)
 from tests.helpers import box_mesh, on_three_corners
-
-G = 9810.0
-SIZE = (1.0, 0.8, 0.5)
-DENSITY = {"muscle": 1.1e-6}
-EULER, SOFT = Scheme.backward_euler, Scheme.soft_landing
-
-
-@cache
-def _block(element: str = "P2", young: float = 50.0) -> SolidModel:
-    return SolidModel(
-        box_mesh((2, 1, 1), SIZE), {"muscle": NeoHooke(young, 0.3)}, supports=on_three_corners(SIZE), element=element
-    )
-
-
-def _weight(angle: float) -> tuple[float, float, float]:
-    return G * np.sin(angle), 0.0, -G * np.cos(angle)
-
-
-def _on_slope(
-    angle: float, friction: float, duration: float, step: float, element: str = "P2", scheme: Scheme = EULER
-) -> SolidMotion:
-    return solid_dynamics(
-        _block(element), duration, step, densities=DENSITY, gravity=_weight(angle), free=True,
-        ground=Ground(friction, friction), feet=["z0"], damping_time=1e-3, settings=DynamicsSettings(scheme),
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("scheme", [EULER, SOFT])
@@ -59,11 +50,8 @@ def test_a_block_on_a_slope_of_30_degrees_accelerates_as_a_rigid_one(element: st
 
     Catches: friction of a velocity threshold, penalties that let it sink, friction once for each node of a facet.
     """
-    angle = np.radians(30.0)
-    found = _on_slope(angle, 0.3, 0.04, 1e-3, element, scheme)
-    v = found.momentum[:, 0] / found.body.total_mass
-    rate = (v[-1] - v[20]) / (found.times[-1] - found.times[20])
-    assert rate == pytest.approx(G * (np.sin(angle) - 0.3 * np.cos(angle)), rel=5e-3)
+    found = on_slope(ANGLE, SLIDING, 0.04, 1e-3, element, scheme)
+    assert acceleration(found) == pytest.approx(G * (np.sin(ANGLE) - SLIDING * np.cos(ANGLE)), rel=5e-3)
     assert np.all(found.touch[-1][found.contact_force[-1, :, 0] > 0.0] == SLIP)
 
 
@@ -74,7 +62,7 @@ def test_a_block_starts_to_slide_where_the_slope_is_its_friction(share: float, s
     Catches: friction on the normal force of another step, cones that are boxes.
     """
     mu = 0.4
-    found = _on_slope(np.arctan(share * mu), mu, 0.3, 5e-3)
+    found = on_slope(np.arctan(share * mu), mu, 0.3, 5e-3)
     speed = found.momentum[-1, 0] / found.body.total_mass
     expected = 0.3 * G * mu * (share - 1.0) * np.cos(np.arctan(mu))
     if slides:
@@ -88,7 +76,7 @@ def test_a_block_below_its_friction_does_not_creep() -> None:
 
     Catches: regularised friction, stick that drifts by a share of each step.
     """
-    found = _on_slope(np.arctan(0.9 * 0.5), 0.5, 10.0, 0.02)
+    found = on_slope(np.arctan(0.9 * 0.5), 0.5, 10.0, 0.02)
     late = found.times >= 1.0
     assert np.abs(found.u[late] - found.u[-1]).max() < 1e-9
     assert np.any(found.touch[-1] == STICK)
@@ -101,7 +89,7 @@ def test_c1_a_sliding_solid_block_stops_and_rests() -> None:
     """
     step = 2e-3
     found = solid_dynamics(
-        _block("P1", 2e3), 1.2, step, densities=DENSITY, gravity=(0.0, 0.0, -G), free=True, ground=Ground(0.5),
+        block("P1", 2e3), 1.2, step, densities=DENSITY, gravity=(0.0, 0.0, -G), free=True, ground=Ground(0.5),
         feet=["z0"], velocity=(5000.0, 0.0, 0.0), damping_time=1e-3,
     )  # fmt: skip
     x = found.centre_of_mass[:, 0] - found.centre_of_mass[0, 0]
@@ -145,19 +133,12 @@ def test_a_block_pressed_on_the_ground_has_equal_pressure_to_rounding() -> None:
 
     Catches: forces lumped against the shape functions, corners of quadratic facets that pull or bear.
     """
-    model = SolidModel(
-        box_mesh((3, 2, 2), SIZE), {"muscle": NeoHooke(50.0, 0.3)}, supports=on_three_corners(SIZE),
-        loads=[Traction("z1", (0.0, 0.0, -7.0))],
-    )  # fmt: skip
-    found = solid_dynamics(
-        model, 0.4, 0.01, densities=DENSITY, free=True, ground=Ground(0.0), damping_time=0.01, feet=["z0"],
-        settings=DynamicsSettings(tolerance=1e-10),
-    )  # fmt: skip
+    found = pressed()
+    assert unevenness(found) <= 1e-8 * PRESSURE
     feet, force = found.feet, found.contact_force[-1, :, 0]
     assert feet is not None
     sides = feet.area > 0.0
     assert feet.area.sum() == pytest.approx(SIZE[0] * SIZE[1], rel=1e-12)
-    np.testing.assert_allclose(force[sides] / feet.area[sides], 7.0, rtol=1e-8)
     assert np.abs(force[~sides]).max() <= 1e-8 * force.max()
 
 
@@ -167,27 +148,12 @@ def test_a_falling_block_hits_with_its_energy_and_stays_out_of_the_ground(scheme
 
     Catches: impacts that give energy, contact on velocities that lets positions sink, a book that does not close.
     """
-    model = _block("P2", 20.0)
-    X = model.system.space.points
-    c, d = np.cos(0.5), np.sin(0.5)
-    turn = np.array([[c, 0.0, d], [0.0, 1.0, 0.0], [-d, 0.0, c]]) @ np.array(
-        [[1.0, 0.0, 0.0], [0.0, c, -d], [0.0, d, c]]
-    )
-    x = turn @ X
-    height = 0.3
-    x[2] += height - x[2].min()
-    found = solid_dynamics(
-        model, 0.06, 5e-4, densities=DENSITY, gravity=(0.0, 0.0, -G), free=True, ground=Ground(0.5, 0.4),
-        feet=["z0"], damping_time=1e-3, start=SolidState(model, Step(0.0, 0.0), x - X),
-        settings=DynamicsSettings(scheme),
-    )  # fmt: skip
-    assert found.feet is not None
-    lowest = (X[2] + found.u[:, 2])[:, found.feet.nodes].min(axis=1)
-    assert lowest.min() >= -1e-9
+    found = falling(scheme)
+    assert lowest(found).min() >= -1e-9
     landed = int(np.argmax(found.contact_force[:, :, 0].sum(axis=1) > 0.0))
-    assert found.times[landed] == pytest.approx(np.sqrt(2.0 * height / G), abs=1e-3)
+    assert found.times[landed] == pytest.approx(np.sqrt(2.0 * HEIGHT / G), abs=1e-3)
     fallen = found.energy("kinetic")[landed - 1]
-    assert fallen == pytest.approx(found.body.total_mass * G * height, rel=0.1)
+    assert fallen == pytest.approx(found.body.total_mass * G * HEIGHT, rel=0.1)
     stored = found.book[:, :3].sum(axis=1)
     assert np.all(np.diff(stored) <= 1e-9 * fallen)
     assert np.abs(found.energy_error).max() <= 1e-6 * fallen

@@ -236,6 +236,13 @@ def _crosscheck_command(
         list[str] | None,
         typer.Option("--fit", metavar="NAME", help="What is sought: tension, or passive and active; stiffness."),
     ] = None,
+    pixel: Annotated[
+        str | None, typer.Option("--pixel", metavar="MM", help="Pixel of a camera with noise, such as 0.02mm.")
+    ] = None,
+    noise: Annotated[
+        float | None, typer.Option("--noise", metavar="PIXELS", help="Its deviation, in pixels; by default a half.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Of its noise.")] = None,
     out: Out = None,
     size: Size = None,
     mesh: MeshFile = None,
@@ -249,11 +256,13 @@ def _crosscheck_command(
     """Solve as a solid and as rods at the same tensions: how far they agree, and why not."""
     check_mesh(mesh, rename, size)
     order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
+    if pixel is None and (noise, seed) != (None, None):
+        raise OptionError("--noise, --seed: found without --pixel, expected the size of the pixel that they are about")
     if measured is not None:
         return partial(comparing_jobs.measured, order, measured, fit or ())
     if fit:
         raise OptionError("--fit: found without --measured, expected the file of what was measured")
-    return partial(comparing_jobs.crosscheck, order)
+    return partial(comparing_jobs.crosscheck, order, pixel, noise, seed)
 
 
 app.command("validate")(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fem_biobot.jobs import Order, given_mesh, mesh_size, result_folder, safe_name, show, worked
+from fem_biobot.units import parse_quantity
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -19,9 +20,15 @@ if TYPE_CHECKING:
     from fem_biobot.study.reporter import Reporter
 
 
-def crosscheck(order: Order) -> int:
-    """Solid and rods of a design side by side."""
+def crosscheck(order: Order, pixel: str | None = None, noise: float | None = None, seed: int | None = None) -> int:
+    """Solid and rods of a design side by side, also as a camera with noise sees them."""
+    from fem_biobot.link.camera import Camera
     from fem_biobot.link.expected import expect
+
+    given: dict[str, Any] = {} if seed is None else {"seed": seed}
+    if pixel is not None:
+        given["pixel"] = parse_quantity(pixel, "mm", "--pixel")
+    camera = Camera(**given, noise=(0.5 if pixel is not None else 0.0) if noise is None else noise)
 
     def refuse(design: Design) -> None:
         expect(design)
@@ -29,9 +36,10 @@ def crosscheck(order: Order) -> int:
     def work(design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str]) -> Finding:
         from fem_biobot.study.crosscheck import crosscheck_finding
 
-        return crosscheck_finding(design, mesh, figures, reporter, notes)
+        return crosscheck_finding(design, mesh, figures, reporter, notes, camera)
 
-    _on_a_mesh(order, "crosscheck", "cross-check", refuse, work)
+    seen = {} if pixel is None else {"camera": f"{camera.pixel:g} mm, {camera.noise:g} pixels, seed {camera.seed}"}
+    _on_a_mesh(order, "crosscheck", "cross-check", refuse, work, seen)
     return 0
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from fem_biobot.design import Design
+from fem_biobot.errors import ModelError
+from fem_biobot.link.camera import Camera, filmed
 from fem_biobot.link.crosscheck import QUANTITIES, CrossCheck, Row, Stiffness, crosscheck, curvature_rows
 from fem_biobot.link.sections import Stiffnesses
 from fem_biobot.mesh.body import BodyMesh
@@ -44,19 +46,42 @@ _DRAWN = (Stiffness.closed_form, Stiffness.mesh_at_load)
 
 
 def crosscheck_finding(
-    design: Design, mesh: BodyMesh, figures: Path, reporter: Reporter, notes: Sequence[str] = ()
+    design: Design,
+    mesh: BodyMesh,
+    figures: Path,
+    reporter: Reporter,
+    notes: Sequence[str] = (),
+    camera: Camera | None = None,
 ) -> Finding:
     """Solid and rods of a design at the same tensions, with what was expected beforehand."""
-    return told(crosscheck(design, mesh, reporter=reporter), figures, notes)
+    return told(crosscheck(design, mesh, reporter=reporter), figures, notes, camera=camera)
 
 
-def told(found: CrossCheck, figures: Path, notes: Sequence[str] = (), *, views: bool = True) -> Finding:
-    """A cross-check as tables, rows, figures, and, if asked for, both models to turn."""
+def told(
+    found: CrossCheck,
+    figures: Path,
+    notes: Sequence[str] = (),
+    *,
+    camera: Camera | None = None,
+    views: bool = True,
+) -> Finding:
+    """A cross-check as tables, rows, figures, and, if asked for, both models to turn.
+
+    With what a camera would say of both, by default one of 6 frames a second without noise.
+    """
     rows = {stiffness: found.rows(stiffness) for stiffness in Stiffness}
     plain = rows[Stiffness.closed_form]
     judged = [row for row in plain if row.within is not None]
     outside = [row for row in judged if not row.within]
-    tables = [_closest(rows, found), _ingredients(rows), _modes(found), _sections(found), _causes(found)]
+    films, unfilmed = _films(found, camera or Camera())
+    tables = [
+        _closest(rows, found),
+        _ingredients(rows),
+        _modes(found),
+        _camera(films),
+        _sections(found),
+        _causes(found),
+    ]
     remarks = []
     if judged:
         remarks.append(f"{len(judged) - len(outside)} of {len(judged)} differences lie where they were expected")
@@ -68,7 +93,7 @@ def told(found: CrossCheck, figures: Path, notes: Sequence[str] = (), *, views: 
     else:
         remarks.append("no difference was stated beforehand for a muscle that is one ring around both pillars")
     return Finding(
-        _numbers(found, rows),
+        {**_numbers(found, rows), "camera": films},
         [table for table in tables if table.rows],
         {
             "crosscheck": [_as_row(row) for stiffness in Stiffness for row in rows[stiffness]],
@@ -80,10 +105,38 @@ def told(found: CrossCheck, figures: Path, notes: Sequence[str] = (), *, views: 
             ],
         },
         _draw(found, plain, figures),
-        [*notes, *found.notes],
+        [*notes, *found.notes, *unfilmed],
         remarks,
         [both_view(found.design, found.levelled)] if views else [],
     )
+
+
+def _films(found: CrossCheck, camera: Camera) -> tuple[list[dict[str, object]], list[str]]:
+    """What a camera says of each model, or why not."""
+    rows: list[dict[str, object]] = []
+    for model, states in (("solid", found.solid), ("rods", found.rods[Stiffness.mesh_at_load])):
+        try:
+            films = filmed(found.design, states, camera)
+        except ModelError as reason:
+            return [], [f"left out: {reason}"]
+        for film in films:
+            row = {"model": model, "quantity": film.quantity, "true": film.true, "filmed": film.mean}
+            rows.append({**row, "deviation": film.deviation, "filmed_over_true_1": film.ratio})
+    return rows, []
+
+
+def _camera(films: Sequence[dict[str, object]]) -> Table:
+    words = {
+        "stroke_mm": "stroke [mm]",
+        "passive_force_mN": "passive force [mN], by Eq. 3",
+        "stroke_force_mN": "force of the stroke [mN], by Eq. 3",
+    }
+    lines = [
+        (f["model"], words[str(f["quantity"])], f["true"], f["filmed"], f["deviation"], f["filmed_over_true_1"])
+        for f in films
+    ]
+    header = ("model", "quantity", "true", "as filmed", "+- of one film", "filmed over true [1]")
+    return Table("As a camera and Eq. 3 say it", header, tuple(lines))
 
 
 def _numbers(found: CrossCheck, rows: dict[Stiffness, list[Row]]) -> dict[str, object]:

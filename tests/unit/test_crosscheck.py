@@ -92,6 +92,19 @@ def test_parts_from_the_mesh_agree_over_the_stroke(result: tuple[Path, dict[str,
     assert max(abs(pair["solid_Hz"] / pair["rods_Hz"] - 1.0) for pair in pairs) < 0.05
 
 
+def test_a_camera_films_both_models(result: tuple[Path, dict[str, Any]]) -> None:
+    """Stroke and forces of solid and rods, true and filmed; the true stroke is that of the rows.
+
+    Catches: a film of one model for both, films of other tensions.
+    """
+    films = {(film["model"], film["quantity"]): film for film in result[1]["crosscheck"]["camera"]}
+    assert len(films) == 6
+    stroke = next(row for row in _rows(result[1], "mesh_at_load") if row["quantity"] == "stroke_mm")
+    assert films["solid", "stroke_mm"]["true"] == pytest.approx(stroke["solid_value"], rel=1e-2)
+    assert films["rods", "stroke_mm"]["true"] == pytest.approx(stroke["rods_value"], rel=1e-2)
+    assert all(0.5 < film["filmed_over_true_1"] < 1.2 for film in films.values())
+
+
 def test_natural_motions_are_of_one_kind(result: tuple[Path, dict[str, Any]]) -> None:
     """The slowest motions of both models are alike, and their frequencies near.
 

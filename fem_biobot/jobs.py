@@ -304,15 +304,22 @@ def print_version() -> None:
 def mesh_size(text: str | None) -> float | None:
     """Mesh size of the option [mm]; a bare number is in mm, as the option's help says."""
     from fem_biobot.design import keys
-    from fem_biobot.units import parse_quantity, shown
+    from fem_biobot.units import shown
 
     if text is None:
         return None
-    size = parse_quantity(f"{text.strip()} mm" if _BARE_NUMBER.fullmatch(text) else text, "mm", "--size")
+    size = length(text, "--size")
     allowed = keys()["mesh.size"].quantity
     if allowed is not None and not allowed.allows(size):
         raise DesignError(f"--size: found {shown(text)}, expected {allowed.interval()}")
     return size
+
+
+def length(text: str, option: str) -> float:
+    """Length of an option [mm]; a bare number is in mm."""
+    from fem_biobot.units import parse_quantity
+
+    return parse_quantity(f"{text.strip()} mm" if _BARE_NUMBER.fullmatch(text) else text, "mm", option)
 
 
 def region_names(texts: Sequence[str]) -> Mapping[str, str]:

@@ -28,6 +28,15 @@ def _convergence_command(
         list[str] | None, typer.Option("--element", metavar="NAME", help="P1, P2 or P2-P1; repeat it to compare.")
     ] = None,
     error: Annotated[float, typer.Option("--error", metavar="SHARE", help="Relative error asked for.")] = 0.01,
+    fillet: Annotated[
+        str | None,
+        typer.Option(
+            "--fillet", metavar="MM", help="Fillet in which the peak is looked for, 0 for none; has a default."
+        ),
+    ] = None,
+    refine: Annotated[
+        int, typer.Option("--refine", metavar="N", help="Also N meshes refined for what the tip does, and the saving.")
+    ] = 0,
     out: Out = None,
     sets: Sets = None,
     quiet: Quiet = False,
@@ -37,7 +46,7 @@ def _convergence_command(
 ) -> Job:
     """Mesh to stress: limit, error bar and order of every number, and which of them do not converge."""
     order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
-    return partial(study_jobs.convergence, order, sizes, tuple(element or ("P2",)), error)
+    return partial(study_jobs.convergence, order, sizes, tuple(element or ("P2",)), error, fillet, refine)
 
 
 @study.command("sweep")

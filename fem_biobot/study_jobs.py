@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.errors import DesignError
-from fem_biobot.jobs import Order, mesh_size, result_folder, safe_name, show, usable_folder, worked
+from fem_biobot.jobs import Order, length, mesh_size, result_folder, safe_name, show, usable_folder, worked
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from fem_biobot.study.reporter import Reporter
 
 
-def convergence(order: Order, sizes: str | None, elements: tuple[str, ...], error: float) -> int:
+def convergence(
+    order: Order, sizes: str | None, elements: tuple[str, ...], error: float, fillet: str | None, rounds: int
+) -> int:
     """One state of a design on several meshes."""
     from fem_biobot.config import load_design
 
@@ -28,14 +30,16 @@ def convergence(order: Order, sizes: str | None, elements: tuple[str, ...], erro
 
     from fem_biobot.study.convergence import ConvergencePlan, convergence_finding
 
-    plan = ConvergencePlan(numbers, elements, error)
+    radius = None if fillet is None else length(fillet, "--fillet")
+    plan = ConvergencePlan(numbers, elements, error, radius, rounds)
     folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_convergence")
 
     from fem_biobot.solid.compiling import compile_kernels
     from fem_biobot.study.finding import examine, tables_of
 
     asked = ", ".join(f"{size:g}" for size in plan.falling(design))
-    meshes = f"{asked} mm; {', '.join(elements)}; {error:g}"
+    peak = "" if radius is None else f"; fillet {radius:g} mm"
+    meshes = f"{asked} mm; {', '.join(elements)}; {error:g}{peak}" + (f"; {rounds} refined" if rounds else "")
 
     def job(reporter: Reporter) -> dict[str, Any]:
         def work(design: Design, figures: Path) -> Finding:

@@ -24,8 +24,9 @@ from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.errors import MeshError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.facets import facets
-from fem_biobot.mesh.layout import Box, Layout, layout
+from fem_biobot.mesh.layout import Layout, layout
 from fem_biobot.mesh.naming import named_landmarks, named_surfaces, require
+from fem_biobot.mesh.sizes import CORNER_SHARE, SizeField, set_sizes, take_sizes
 from fem_biobot.mesh.solids import NONE_GIVEN, Given, drawn_muscle, drawn_skeleton, solids
 
 Array = NDArray[np.float64]
@@ -33,17 +34,6 @@ Ints = NDArray[np.int64]
 
 GMSH_LIBRARIES = "libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libgomp1"
 GMSH_COMMAND = f"apt-get install -y {GMSH_LIBRARIES}"
-
-# Element sizes as shares of the general size. At a size equal to the beam's thickness the thin muscle has two
-# elements across, whatever its thickness, and a ring one.
-JUNCTION_ACROSS = 2.0
-RING_ACROSS = 1.0
-CORNER_SHARE = 0.4
-# the middle of a corner line, where the stress is averaged in a ball, within this share of the beam's thickness
-CORNER_MIDDLE_SHARE = 0.2
-CORNER_MIDDLE_REACH = 0.4
-# how fast elements grow with the distance from a refined part
-GROWTH = 0.45
 
 # of a fillet's quarter circle in a drawing of triangles
 ARC_CHORDS = 8
@@ -142,7 +132,26 @@ def build_mesh(design: Design, size: float | None = None, *, corner_share: float
     return meshed(plan, design.mesh.size if size is None else size, corner_share).checked(plan)
 
 
-def meshed(plan: Layout, size: float, corner_share: float = CORNER_SHARE, given: Given = NONE_GIVEN) -> BodyMesh:
+def remeshed(design: Design, sizes: SizeField) -> BodyMesh:
+    """Mesh of a design with given element sizes, checked as `build_mesh` does.
+
+    Raises
+    ------
+    GmshMissing, MeshError
+        As `build_mesh`.
+    """
+    refuse_without_solid(design, "mesh")
+    plan = layout(design)
+    return meshed(plan, float(sizes.values.min()), sizes=sizes).checked(plan)
+
+
+def meshed(
+    plan: Layout,
+    size: float,
+    corner_share: float = CORNER_SHARE,
+    given: Given = NONE_GIVEN,
+    sizes: SizeField | None = None,
+) -> BodyMesh:
     """Mesh of a layout with all its surfaces and landmarks; its volumes are for the caller to check.
 
     Raises
@@ -154,12 +163,12 @@ def meshed(plan: Layout, size: float, corner_share: float = CORNER_SHARE, given:
     if not (np.isfinite(h) and h > 0):
         raise MeshError(f"mesh size must be a positive length, found {h:g} mm")
     # a mesh has four to thirty times the elements of even tetrahedra of this size
-    estimate = 30 * sum(plan.volumes.values()) / h**3
+    estimate = 30 * sum(plan.volumes.values()) / h**3 if sizes is None else sizes.n_elements
     if estimate > MOST_ELEMENTS:
         raise MeshError(f"mesh size {h:g} mm would give about {estimate:.0e} elements; expected a larger size")
     version = str(import_gmsh().__version__)
     try:
-        points, cells, regions = _GMSH.call(tetrahedra, plan, h, corner_share, given)
+        points, cells, regions = _GMSH.call(tetrahedra, plan, h, corner_share, given, sizes)
     except ProcessDiedError as died:
         raise MeshError(
             f"Gmsh died over the design's mesh of size {h:g} mm: {died}; a slightly different mesh.size usually works"
@@ -211,7 +220,11 @@ def drawing(plan: Layout, region: str, suffix: str) -> bytes:
 
 
 def tetrahedra(
-    plan: Layout, h: float, corner_share: float = CORNER_SHARE, given: Given = NONE_GIVEN
+    plan: Layout,
+    h: float,
+    corner_share: float = CORNER_SHARE,
+    given: Given = NONE_GIVEN,
+    sizes: SizeField | None = None,
 ) -> tuple[Array, Ints, dict[str, Ints]]:
     """Vertices (3, n) [mm], cells (4, e) and regions of a layout meshed by Gmsh in this very process.
 
@@ -221,6 +234,8 @@ def tetrahedra(
         As `build_mesh` has them.
     given
         Parts that come from elsewhere.
+    sizes
+        Element sizes instead of those that follow from `h`.
 
     Raises
     ------
@@ -232,7 +247,10 @@ def tetrahedra(
         try:
             parts = solids(gmsh.model.occ, plan, given)
             gmsh.model.occ.synchronize()
-            _set_sizes(gmsh.model.mesh.field, plan, h, corner_share)
+            if sizes is None:
+                set_sizes(gmsh.model.mesh.field, plan, h, corner_share)
+            else:
+                take_sizes(gmsh, sizes)
             gmsh.model.mesh.generate(3)
             for method in ("Relocate3D", ""):
                 gmsh.model.mesh.optimize(method)
@@ -281,51 +299,6 @@ def _session(gmsh: Any) -> Iterator[None]:
                 gmsh.option.setNumber(name, value)
             if current in gmsh.model.list():
                 gmsh.model.setCurrent(current)
-
-
-def _set_sizes(field: Any, plan: Layout, h: float, corner_share: float) -> None:
-    """Element size: `h` in general, finer in thin muscle, rings and re-entrant corners, growing smoothly away."""
-    zones = list(_zones(plan, h, corner_share))
-    tags = []
-    for box, inside in zones:
-        if inside >= h:
-            continue
-        tag = field.add("Box")
-        for key, value in zip(("XMin", "YMin", "ZMin"), box.low, strict=True):
-            field.setNumber(tag, key, value)
-        for key, value in zip(("XMax", "YMax", "ZMax"), box.high, strict=True):
-            field.setNumber(tag, key, value)
-        field.setNumber(tag, "VIn", inside)
-        field.setNumber(tag, "VOut", h)
-        field.setNumber(tag, "Thickness", (h - inside) / GROWTH)
-        tags.append(tag)
-    everywhere = field.add("MathEval")
-    field.setString(everywhere, "F", repr(h))
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", [*tags, everywhere])
-    field.setAsBackgroundMesh(smallest)
-
-
-def _zones(plan: Layout, h: float, corner_share: float) -> Iterator[tuple[Box, float]]:
-    """Refined parts of a bot and their element sizes; a strip or a cantilever is meshed evenly."""
-    if not plan.pillars or plan.beam is None:
-        return
-    thickness = plan.beam.high[2] - plan.beam.low[2]
-    for box in plan.thin:
-        yield box, (box.high[2] - box.low[2]) * h / (JUNCTION_ACROSS * thickness)
-    for hole in plan.holes:
-        ring = next(box for box in plan.muscle if box not in plan.thin and box.low[0] < hole.low[0] < box.high[0])
-        yield ring, (hole.low[0] - ring.low[0]) * h / (RING_ACROSS * thickness)
-    r = plan.fillet_radius
-    for start, end, sign in plan.corner_lines:
-        x0, x1 = sorted((start[0], start[0] + sign * r))
-        box = Box((x0, start[1], start[2] - r), (x1, end[1], end[2]))
-        # two elements along a fillet's arc
-        yield box, min(corner_share * h, r * np.pi / 4) if r else corner_share * h
-    for name in ("corner_short", "corner_long"):
-        x, y, z = plan.landmarks[name]
-        d = CORNER_MIDDLE_REACH * thickness
-        yield Box((x - d, y - d, z - d), (x + d, y + d, z + d)), min(corner_share, CORNER_MIDDLE_SHARE) * h
 
 
 def _arrays(mesh: Any, parts: dict[str, list[int]]) -> tuple[Array, Ints, dict[str, Ints]]:

@@ -109,6 +109,22 @@ class Measurer:
         reference = SolidState(self.model, state.step, np.zeros_like(state.u))
         return float(apart0 @ self._chord(reference) - apart @ self._chord(state))
 
+    def closing_gradient(self, state: SolidState) -> Array:
+        """Derivative of `tip_closing` by the displacement of the nodes, (3, n) [1]."""
+        first, second = self._soles.values()
+        between = second - first
+        apart = (self._space.points + state.u) @ between
+        if self.design.kind != "bot":
+            return -np.outer(apart / np.linalg.norm(apart), between)
+        chord = self._chord(state)
+        length = float(np.linalg.norm(self.position(state, "span_long") - self.position(state, "span_short")))
+        turned = (apart - (apart @ chord) * chord) / length
+        return -np.outer(chord, between) - np.outer(turned, self._marks["span_long"] - self._marks["span_short"])
+
+    def deflection_gradient(self) -> Array:
+        """Derivative of a cantilever's tip deflection by the displacement of the nodes, (3, n) [1]."""
+        return np.outer([0.0, 0.0, 1.0], self._soles["tip"])
+
     def _chord(self, state: SolidState) -> Array:
         chord = self.position(state, "span_long") - self.position(state, "span_short")
         return chord / np.linalg.norm(chord)

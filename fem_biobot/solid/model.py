@@ -224,7 +224,7 @@ def solve(
         c = solver.counts.since(before)
         return SolidSolution(tuple(states), c.factorisations, c.newton, c.cg, solver.name, halvings)
 
-    history = [_equilibrium(system, s) for s in start]
+    history = [equilibrium_of(s) for s in start]
     first = None if trial is None else Trial(np.ascontiguousarray(trial[0].T), *trial[1:])
     try:
         for state, work in equilibria(system, solver, wanted, settings, watch, history, first):
@@ -272,7 +272,7 @@ def buckling(state: SolidState, toward: float | Mapping[str, float] | Step) -> B
     """
     model = state.model
     there = checked_step(model.system, as_step(toward))
-    return critical(model.system, direct_solver(model), _equilibrium(model.system, state), there)
+    return critical(model.system, direct_solver(model), equilibrium_of(state), there)
 
 
 def checked_step(system: System, step: Step) -> Step:
@@ -305,7 +305,9 @@ def _iterate(model: SolidModel, step: Step, found: Iterate) -> SolidState:
     return SolidState(model, step, np.ascontiguousarray(found.u.T), found.residual, pressure=pressure)
 
 
-def _equilibrium(system: System, state: SolidState) -> Equilibrium:
+def equilibrium_of(state: SolidState) -> Equilibrium:
+    """A state as the solvers have it."""
+    system = state.model.system
     p = np.zeros(system.n_pressures) if state.pressure is None else state.pressure
     return Equilibrium(
         state.step, np.ascontiguousarray(state.u.T), p, state.points, state.internal_force.T, state.residual, 0

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, SolveError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.mesh.geometry import GmshMissing, build_mesh
+from fem_biobot.mesh.layout import Point, layout
+from fem_biobot.mesh.sizes import CORNER_SHARE
 from fem_biobot.solid.from_design import tension_step
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidState, solve
+from fem_biobot.solid.stress import ball, probe, von_mises
+from fem_biobot.study.adaptive import refined_finding
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
 from fem_biobot.study.richardson import Limit, Verdict, limit
@@ -30,7 +38,12 @@ _QUANTITIES = {
     "strain_energy_uJ": "strain energy",
     "ball_von_mises_kPa": "von Mises, ball about the corner",
     "max_von_mises_kPa": "von Mises, highest point",
+    "fillet_von_mises_kPa": "von Mises, peak in a fillet",
 }
+# radius of the fillets that stand in for sharp corners, over the beam's thickness
+_FILLET = 0.3
+# places along a fillet's arc, and points across a ball about each
+_ALONG, _ACROSS = 9, 10
 
 
 @dataclass(frozen=True)
@@ -45,11 +58,18 @@ class ConvergencePlan:
         Out of P1, P2 and P2-P1.
     wanted
         Relative error asked for [1].
+    fillet
+        Radius of fillets in which the peak stress is looked for [mm], 0 for none; None: the design's own, or for a bot
+        with sharp corners 0.3 of the beam's thickness.
+    rounds
+        Meshes refined for what the tip does, besides those that are refined everywhere.
     """
 
     sizes: tuple[float, ...] | None = None
     elements: tuple[str, ...] = ("P2",)
     wanted: float = 0.01
+    fillet: float | None = None
+    rounds: int = 0
 
     def __post_init__(self) -> None:
         for element in self.elements:
@@ -61,11 +81,24 @@ class ConvergencePlan:
             raise DesignError(f"--sizes: found {len(self.sizes)}, expected three sizes above 0 mm or more")
         if not 0.0 < self.wanted < 1.0:
             raise DesignError(f"--error: found {self.wanted:g}, expected above 0 and below 1")
+        if self.fillet is not None and not self.fillet >= 0.0:
+            raise DesignError(f"--fillet: found {self.fillet:g} mm, expected 0 mm or more")
+        if self.rounds < 0 or self.rounds == 1:
+            raise DesignError(f"--refine: found {self.rounds}, expected 2 rounds or more, or 0 for none")
+        if self.rounds and "P2" not in self.elements:
+            raise DesignError(f"--refine: found the elements {', '.join(self.elements)}, expected P2 among them")
 
     def falling(self, design: Design) -> tuple[float, ...]:
         """Sizes from the coarsest."""
         own = design.mesh.size
         return tuple(sorted(self.sizes or (own, 1.4 * own, 1.96 * own), reverse=True))
+
+    def rounded(self, design: Design) -> Design | None:
+        """The design with the fillets in which the peak is looked for; None for none."""
+        if design.kind != "bot" or design.skeleton is None or self.fillet == 0.0:
+            return None
+        radius = self.fillet or design.skeleton.fillet_radius or _FILLET * design.skeleton.beam_thickness
+        return design.with_values({"skeleton.fillet_radius": radius})
 
 
 def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, reporter: Reporter) -> Finding:
@@ -81,12 +114,19 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
     rows: list[dict[str, object]] = []
     finest: tuple[SolidState, str] | None = None
     reporter.stage("meshes and elements", len(sizes) * len(plan.elements))
+    rounded = plan.rounded(design)
     for size in sizes:
         mesh, more = mesh_for(design.with_values({"mesh.size": size}))
         notes += [note for note in more if note not in notes]
         for element in plan.elements:
             try:
                 row, state = _row(design, mesh, element, size)
+                if rounded is not None:
+                    try:
+                        row["fillet_von_mises_kPa"] = fillet_peak(rounded, size, sizes[0], element)
+                    except GmshMissing as missing:
+                        notes.append(f"the peak in a fillet: left out: {missing}")
+                        rounded = None
                 rows.append(row)
                 finest = state, f"{element} at {size:g} mm"
             except SolveError as failure:
@@ -95,10 +135,15 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
     limits = _limits(rows, plan)
     if not limits:
         raise SolveError("convergence: found no element with a state on three meshes, expected one")
+    refined = refined_finding(design, plan.rounds, sizes[0], rows, figures, reporter) if plan.rounds else None
+    if rounded is not None:
+        radius = rounded.value("skeleton.fillet_radius")
+        notes.append(f"the peak in a fillet is that of the design with fillets of {radius:.3g} mm at its corners")
     remarks = [f"{element}, {_QUANTITIES[name]}: {_told(found)}" for (element, name), found in limits.items()]
     return Finding(
         {
             "wanted_error_1": plan.wanted,
+            "refined": dict(refined.numbers) if refined else None,
             "rows": rows,
             "limits": [
                 {
@@ -113,13 +158,44 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
                 for (element, name), found in limits.items()
             ],
         },
-        [_values(rows), _verdicts(limits)],
-        {"convergence": rows},
-        _draw(design, rows, limits, figures),
+        [_values(rows), _verdicts(limits), *(refined.tables if refined else ())],
+        {"convergence": rows, **(refined.series if refined else {})},
+        [*_draw(design, rows, limits, figures), *(refined.figures if refined else ())],
         notes,
-        remarks,
-        [] if finest is None else [state_view(design, finest[0], title="The finest mesh", label=finest[1])],
+        [*remarks, *(refined.remarks if refined else ())],
+        list(refined.views)
+        if refined
+        else []
+        if finest is None
+        else [state_view(design, finest[0], title="The finest mesh", label=finest[1])],
     )
+
+
+def fillet_peak(rounded: Design, size: float, coarsest: float, element: str) -> float:
+    """Peak of the von Mises stress along the fillets of a design at full drive, mid-width [kPa].
+
+    The highest of means over balls of a quarter of the radius along the arcs: elements have straight sides, and at the
+    kinks between them a single point's stress would depend on the mesh for ever. The mesh has two elements along an
+    arc at the coarsest size, and more in proportion at finer ones.
+    """
+    radius = float(rounded.value("skeleton.fillet_radius"))
+    mesh = build_mesh(rounded, size, corner_share=min(CORNER_SHARE, 0.25 * math.pi * radius / coarsest))
+    _, state = _row(rounded, mesh, element, size)
+    return max(
+        float(np.mean(von_mises(probe(state.model.system, ball(at, 0.25 * radius, _ACROSS)).cauchy_stress(state))))
+        for line in layout(rounded).corner_lines
+        for at in along_arc(line, radius)
+    )
+
+
+def along_arc(line: tuple[Point, Point, float], radius: float) -> list[np.ndarray]:
+    """Positions from the beam's end of a fillet to the pillar's, mid-width, (3,) each [mm]."""
+    (x, y0, z), (_, y1, _), sign = line
+    angles = np.linspace(0.0, 0.5 * math.pi, _ALONG)
+    return [
+        np.array([x + sign * radius * (1.0 - math.sin(a)), 0.5 * (y0 + y1), z - radius * (1.0 - math.cos(a))])
+        for a in angles
+    ]
 
 
 def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dict[str, object], SolidState]:

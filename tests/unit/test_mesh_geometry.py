@@ -290,7 +290,7 @@ def test_a_failure_of_gmsh_is_one_line(gmsh, monkeypatch: pytest.MonkeyPatch) ->
     def fails(*_: object) -> None:
         raise Exception("first line\nPLC Error: facets intersect")
 
-    monkeypatch.setattr(geometry, "_set_sizes", fails)
+    monkeypatch.setattr(geometry, "set_sizes", fails)
     with pytest.raises(MeshError, match=r"at size 0\.5 mm: PLC Error: facets intersect$"):
         geometry.tetrahedra(layout(load_design("strip")), 0.5)
     assert not gmsh.isInitialized()

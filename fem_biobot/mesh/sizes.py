@@ -1,0 +1,110 @@
+"""How large elements are: in proportion to a design's parts, or as a solution on another mesh asks for.
+
+Speaks to the Gmsh that it is handed and imports none, as `solids` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem_biobot.mesh.facets import signed_volumes
+from fem_biobot.mesh.layout import Box, Layout
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Element sizes as shares of the general size. At a size equal to the beam's thickness the thin muscle has two
+# elements across, whatever its thickness, and a ring one.
+JUNCTION_ACROSS = 2.0
+RING_ACROSS = 1.0
+CORNER_SHARE = 0.4
+# the middle of a corner line, where the stress is averaged in a ball, within this share of the beam's thickness
+CORNER_MIDDLE_SHARE = 0.2
+CORNER_MIDDLE_REACH = 0.4
+# how fast elements grow with the distance from a refined part
+GROWTH = 0.45
+
+
+@dataclass(frozen=True, eq=False)
+class SizeField:
+    """Element sizes at the vertices of a mesh.
+
+    Attributes
+    ----------
+    points, cells
+        Vertices (3, n) [mm] and tetrahedra (4, e) of the mesh on which the sizes are known.
+    values
+        Sizes at its vertices, (n,) [mm].
+    """
+
+    points: Array
+    cells: Ints
+    values: Array
+
+    @property
+    def n_elements(self) -> float:
+        """About how many elements they ask for: volume over that of a regular tetrahedron of the size."""
+        volumes = np.abs(signed_volumes(self.points, self.cells))
+        return float(np.sum(volumes * 6.0 * np.sqrt(2.0) / self.values[self.cells].mean(axis=0) ** 3))
+
+
+def set_sizes(field: Any, plan: Layout, h: float, corner_share: float) -> None:
+    """Element size: `h` in general, finer in thin muscle, rings and re-entrant corners, growing smoothly away."""
+    zones = list(_zones(plan, h, corner_share))
+    tags = []
+    for box, inside in zones:
+        if inside >= h:
+            continue
+        tag = field.add("Box")
+        for key, value in zip(("XMin", "YMin", "ZMin"), box.low, strict=True):
+            field.setNumber(tag, key, value)
+        for key, value in zip(("XMax", "YMax", "ZMax"), box.high, strict=True):
+            field.setNumber(tag, key, value)
+        field.setNumber(tag, "VIn", inside)
+        field.setNumber(tag, "VOut", h)
+        field.setNumber(tag, "Thickness", (h - inside) / GROWTH)
+        tags.append(tag)
+    everywhere = field.add("MathEval")
+    field.setString(everywhere, "F", repr(h))
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", [*tags, everywhere])
+    field.setAsBackgroundMesh(smallest)
+
+
+def take_sizes(gmsh: Any, sizes: SizeField) -> None:
+    """Element sizes from values at the vertices of another mesh of the same body."""
+    corners = sizes.points[:, sizes.cells]  # (axis, corner, e)
+    rows = np.concatenate([corners.reshape(12, -1), sizes.values[sizes.cells]]).T
+    view = gmsh.view.add("sizes")
+    gmsh.view.addListData(view, "SS", len(rows), rows.ravel())
+    field = gmsh.model.mesh.field
+    tag = field.add("PostView")
+    field.setNumber(tag, "ViewTag", view)
+    field.setAsBackgroundMesh(tag)
+
+
+def _zones(plan: Layout, h: float, corner_share: float) -> Iterator[tuple[Box, float]]:
+    """Refined parts of a bot and their element sizes; a strip or a cantilever is meshed evenly."""
+    if not plan.pillars or plan.beam is None:
+        return
+    thickness = plan.beam.high[2] - plan.beam.low[2]
+    for box in plan.thin:
+        yield box, (box.high[2] - box.low[2]) * h / (JUNCTION_ACROSS * thickness)
+    for hole in plan.holes:
+        ring = next(box for box in plan.muscle if box not in plan.thin and box.low[0] < hole.low[0] < box.high[0])
+        yield ring, (hole.low[0] - ring.low[0]) * h / (RING_ACROSS * thickness)
+    r = plan.fillet_radius
+    for start, end, sign in plan.corner_lines:
+        x0, x1 = sorted((start[0], start[0] + sign * r))
+        box = Box((x0, start[1], start[2] - r), (x1, end[1], end[2]))
+        # two elements along a fillet's arc
+        yield box, min(corner_share * h, r * np.pi / 4) if r else corner_share * h
+    for name in ("corner_short", "corner_long"):
+        x, y, z = plan.landmarks[name]
+        d = CORNER_MIDDLE_REACH * thickness
+        yield Box((x - d, y - d, z - d), (x + d, y + d, z + d)), min(corner_share, CORNER_MIDDLE_SHARE) * h

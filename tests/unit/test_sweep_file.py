@@ -10,6 +10,7 @@ import pytest
 from fem_biobot.config import digest, load_design
 from fem_biobot.errors import DesignError, FileError
 from fem_biobot.study.sweep_file import SweepPlan, read_sweep
+from tests.command import ROOT
 
 HEAD = 'base = "junction_bot"\ntask = "walk"\n'
 
@@ -190,3 +191,17 @@ def test_heads_that_are_wrong(tmp_path: Path) -> None:
         plan(tmp_path, body, 'base = "nothing.toml"\ntask = "walk"\n')
     with pytest.raises(FileError, match="cannot be read"):
         read_sweep(tmp_path / "absent.toml")
+
+
+def test_the_example_of_the_readme_is_a_sweep(tmp_path: Path) -> None:
+    """Its cases are as many as the text says, and all are designs.
+
+    Catches: documentation of keys that are no more.
+    """
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = [block.partition("```")[0] for block in text.split("```toml\n")[1:]]
+    (example,) = [block for block in blocks if "task = " in block]
+    found = plan(tmp_path, example, "")
+    assert "here to 8 x 2 x 8 cases" in text
+    assert len(found.cases) == 8 * 2 * 8
+    assert all(case.design is not None for case in found.cases)

@@ -191,7 +191,7 @@ Two processors shared with other work all along (load 9.9 before, 7.2 after); on
 * Both fall short of 1.6 on this busy machine, where each worker had about half a processor to itself. An idle one has
   not been seen yet.
 * Two workers take 7 and 12 % more processor seconds for the same cases than one: an interpreter more that starts, and
-  memory that both use. That alone would leave 1.87 and 1.79; pictures at the end, which one process draws, take from it.
+  memory that both use. That alone would leave 1.87 and 1.79; pictures, which one process draws, take from it.
 * The tables of one worker and of two are the same, byte for byte.
 """
 

@@ -55,6 +55,7 @@ def tumbling(settings: DynamicsSettings, drive: float = 0.0, damping_time: float
     )  # fmt: skip
 
 
+@cache
 def swinging() -> float:
     """Time of one swing of a cantilever let go from its first mode, over the period of that mode [1]."""
     model = SolidModel(
@@ -75,6 +76,7 @@ def swinging() -> float:
     return float((crossing[2] - crossing[0]) / period)
 
 
+@cache
 def observed(scheme: Scheme) -> float:
     """Order with which the end of a damped, driven motion settles as the step is halved."""
     counts = ORDERS[scheme][1]
@@ -138,6 +140,7 @@ def block(element: str = "P2", young: float = 50.0) -> SolidModel:
     )
 
 
+@cache
 def on_slope(
     angle: float, friction: float, duration: float, step: float, element: str = "P2", scheme: Scheme = EULER
 ) -> SolidMotion:
@@ -154,6 +157,7 @@ def acceleration(found: SolidMotion) -> float:
     return float((v[-1] - v[middle]) / (found.times[-1] - found.times[middle]))
 
 
+@cache
 def pressed() -> SolidMotion:
     """A block under an even push on its top, on a ground without friction, come to rest."""
     model = SolidModel(
@@ -173,6 +177,7 @@ def unevenness(found: SolidMotion) -> float:
     return float(np.abs(found.contact_force[-1, sides, 0] / found.feet.area[sides] - PRESSURE).max())
 
 
+@cache
 def falling(scheme: Scheme = EULER) -> SolidMotion:
     """A block turned so that a corner comes first, let fall."""
     model = block("P2", 20.0)

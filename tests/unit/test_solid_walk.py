@@ -26,6 +26,7 @@ from fem_biobot.solid.dynamics.settings import DynamicsSettings
 from fem_biobot.solid.happenings import fall, happened, uprightness
 from fem_biobot.solid.standing import FEET, Standing, stand
 from fem_biobot.solid.walk import refuse_unwalkable, solid_ground, solid_walk, walking_body
+from fem_biobot.study import solid_walking
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.solid_walking import walk_solid
 from fem_biobot.study.walking import WalkPlan
@@ -124,14 +125,18 @@ def test_both_models_tell_of_a_walk_by_the_same_names(result: tuple[Path, dict[s
     assert solid["work_pillar_uJ"] > solid["work_friction_uJ"] > 0.0
 
 
-def test_a_walk_goes_on_as_if_it_had_not_stopped(result: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+def test_a_walk_goes_on_as_if_it_had_not_stopped(
+    result: tuple[Path, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Interrupted in its second stroke it is resumed from the first, and ends as the uninterrupted one, bit by bit.
 
     Catches: strokes made twice, a standing shape found anew, slip forgotten at a stroke's end.
     """
     out = tmp_path / "out"
+    monkeypatch.setattr(solid_walking, "stand", lambda design, body, ground: _standing())
     with pytest.raises(KeyboardInterrupt):
         walk_solid(_design(), out, PLAN, reporter=Stops())
+    monkeypatch.delattr(solid_walking, "stand")  # found once, it is kept
     left = json.loads((out / "summary.json").read_text())
     assert not left["complete"]
     assert left["reached"] == "0 of 1 walks of the solid"

@@ -76,7 +76,8 @@ class Row:
     @property
     def passed(self) -> bool | None:
         """Whether the error is within the tolerance (what is not a number is not); None where nothing is judged."""
-        return None if self.claim.tolerance is None else self.error <= self.claim.tolerance
+        # a plain truth value, whatever the numbers are: numpy's False is not False
+        return None if self.claim.tolerance is None else bool(self.error <= self.claim.tolerance)
 
     @property
     def verdict(self) -> str:

@@ -71,6 +71,16 @@ def test_a_claim_that_could_not_fail_or_says_nothing_is_refused(change: dict[str
         replace(CLAIM, **change)  # type: ignore[arg-type]
 
 
+def test_a_failure_is_one_whatever_kind_of_number_the_reference_is() -> None:
+    """A row whose reference is a number of numpy's fails by a plain False, which the command counts.
+
+    Catches: numpy's False, which `is False` does not see.
+    """
+    row = Row("S1", replace(CLAIM, reference=np.float64(2.0)), 3.0)
+    assert row.passed is False
+    assert Row("S1", replace(CLAIM, reference=np.float64(2.0)), 2.0).passed is True
+
+
 def test_a_case_finds_one_value_for_each_claim() -> None:
     """Claims are at least one and each is named once; a finding of another length is refused.
 

@@ -28,6 +28,7 @@ from fem_biobot import (
     Section,
     SolidModel,
     Symmetry,
+    solid_dynamics,
     walk,
 )
 from fem_biobot.material import law_from
@@ -43,6 +44,7 @@ from fem_biobot.verification import (
     rods,
     solid_fields,
     solid_machine,
+    solid_moving,
     solid_states,
     walker,
 )
@@ -52,7 +54,8 @@ from fem_biobot.verification.rod_parts import rod_of
 
 Patch = pytest.MonkeyPatch
 MODULES = (
-    cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, rod_systems, rods, solid_machine, walker,
+    cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, rod_systems, rods, solid_machine,
+    solid_moving, walker,
 )  # fmt: skip
 # case to the words of a row that must fail, and the fault
 FAULTS: dict[str, tuple[str, Callable[[Patch], None]]] = {}
@@ -129,6 +132,14 @@ def _a_softer_spring(patch: Patch) -> None:
 @fault("S12", "height of the free end")
 def _a_dead_pressure(patch: Patch) -> None:
     patch.setattr(cardiac, "Pressure", lambda surface, value: Pressure(surface, value, follower=False))
+
+
+@fault("S13", "swing of a cantilever")
+def _a_body_a_hundredth_denser(patch: Patch) -> None:
+    def moved(*given: Any, densities: dict[str, float], **more: Any) -> Any:
+        return solid_dynamics(*given, densities={name: 1.01 * rho for name, rho in densities.items()}, **more)
+
+    patch.setattr(solid_moving, "solid_dynamics", moved)
 
 
 @fault("R1", "x / L, half of it")
@@ -224,6 +235,11 @@ def _one_pillar_a_micrometre_longer(patch: Patch) -> None:
     patch.setattr(walker, "walk", walked)
 
 
+@fault("C7", "acceleration on a slope of 30 degrees, backward_euler")
+def _friction_a_hundredth_larger(patch: Patch) -> None:
+    patch.setattr(solid_moving, "Ground", lambda *friction: Ground(*(1.01 * mu for mu in friction)))
+
+
 @fault("B1", "over linear theory")
 def _a_beam_a_hundredth_thinner(patch: Patch) -> None:
     linear = machine.linear_closing
@@ -246,7 +262,7 @@ def forgetful() -> Iterator[None]:
     _forget()
 
 
-SLOW = ("S1", "S5", "S6", "S9", "S10", "R6", "R7", "C1", "C4", "C6", "B1")
+SLOW = ("S1", "S5", "S6", "S9", "S10", "R6", "R7", "C1", "C4", "C6", "C7", "S13", "B1")
 
 
 @pytest.mark.usefixtures("forgetful")

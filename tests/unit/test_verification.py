@@ -146,7 +146,9 @@ def test_an_unknown_case_is_told_from_one_that_is_missing(monkeypatch: pytest.Mo
     """Catches: a name ignored, "not covered yet" said of a name that never was."""
     with pytest.raises(DesignError, match="found 'S99', expected one of S1"):
         chosen(["S99"])
-    monkeypatch.delitem(registry.CASES, "S4")
+    # another table, not this one less a case: put back, it would come last
+    without = {name: case for name, case in CASES.items() if name != "S4"}
+    monkeypatch.setattr(registry, "CASES", without)
     with pytest.raises(DesignError, match="S4: not covered yet"):
         chosen(["s4"])
     assert "S4" in not_covered()

@@ -181,17 +181,15 @@ def verdict(found: Speed) -> list[str]:
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 FOUND = """
-Two processors shared with other work all along (load 9.9 before, 7.2 after); one run of thirteen minutes.
+Two idle processors (load 1.1 before, 1.4 after); one run of under five minutes.
 
-                     wall seconds               processor seconds
-            one worker  two  times as fast   two workers over one
-  64 walks      222     143       1.56               1.07
-  16 solves     209     141       1.48               1.12
+              times as fast with two   processor seconds, two over one
+  64 walks            1.83                        1.05
+  16 solves           1.65                        1.08
 
-* Both fall short of 1.6 on this busy machine, where each worker had about half a processor to itself. An idle one has
-  not been seen yet.
-* Two workers take 7 and 12 % more processor seconds for the same cases than one: an interpreter more that starts, and
-  memory that both use. That alone would leave 1.87 and 1.79; pictures, which one process draws, take from it.
+* Both meet 1.6. On the same machine shared with other work (load 9.9 before, 7.2 after) it was 1.56 and 1.48.
+* Two workers take 5 and 8 % more processor seconds for the same cases than one: an interpreter more that starts, and
+  memory that both use. Pictures, which one process draws, take the rest of what is missing from 2.
 * The tables of one worker and of two are the same, byte for byte.
 """
 

@@ -22,13 +22,13 @@ from fem_biobot.rod.events import Event
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.rest import Stance
+from fem_biobot.strokes import Strokes, mean, plain
 
 Array = NDArray[np.float64]
-CAMERA_RATE = 6.0  # frames a second, the paper's
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class Walk(Strokes):
     """A walk over some strokes.
 
     Attributes
@@ -95,55 +95,6 @@ class Walk:
         return self.motion.centre_of_mass
 
     @cached_property
-    def advance(self) -> Array:
-        """Of the centre of mass since the start, along the ground's forward direction, (s,) [mm]."""
-        return (self.position - self.position[0]) @ self.ground.axes[1]
-
-    @cached_property
-    def stroke_ends(self) -> Array:
-        """Beginning of the first whole stroke, and the end of each, (k + 1,) [s]."""
-        first = math.ceil(self.times[0] * self.frequency - 1e-6)
-        last = math.floor(self.times[-1] * self.frequency + 1e-6)
-        return np.arange(first, max(last, first) + 1) / self.frequency
-
-    @property
-    def strokes(self) -> int:
-        """Whole strokes that were made."""
-        return len(self.stroke_ends) - 1
-
-    @cached_property
-    def advances(self) -> Array:
-        """Advance of the centre of mass in each stroke, (k,) [mm]; positive toward the long pillar."""
-        return np.diff(np.interp(self.stroke_ends, self.times, self.advance))
-
-    @property
-    def kept(self) -> slice:
-        """Strokes that means are taken over; the last one if the transient is as long as the walk."""
-        return slice(min(self.discarded, max(self.strokes - 1, 0)), self.strokes)
-
-    @property
-    def step_mm(self) -> float:
-        """Mean advance per stroke."""
-        return _mean(self.advances[self.kept])
-
-    @property
-    def step_spread_mm(self) -> float:
-        """Standard deviation of the advance over the strokes; not a number for fewer than two."""
-        kept = self.advances[self.kept]
-        return float(np.std(kept, ddof=1)) if len(kept) > 1 else math.nan
-
-    @property
-    def speed_mm_per_s(self) -> float:
-        """Mean advance per time."""
-        return self.step_mm * self.frequency
-
-    @property
-    def drift_mm(self) -> float:
-        """Sideways advance per stroke, to the left."""
-        side = (self.position - self.position[0]) @ self.ground.axes[2]
-        return _mean(np.diff(np.interp(self.stroke_ends, self.times, side))[self.kept])
-
-    @cached_property
     def tip_closing(self) -> Array:
         """Decrease of the distance between the outer soles, along the chord, since the start, (s,) [mm]."""
         found = closing(self.motion, self.anatomy)
@@ -166,44 +117,6 @@ class Walk:
     def passive_closing_mm(self) -> float:
         """Tip closing of the standing machine since the drawing."""
         return float(closing(self.motion, self.anatomy)[0] - self.tip_closing[0])
-
-    def _swing(self, values: Array) -> Array:
-        """Largest less smallest value in each stroke, (k,)."""
-        found = []
-        for begin, end in zip(self.stroke_ends, self.stroke_ends[1:], strict=False):
-            inside = (self.times >= begin - 1e-9) & (self.times <= end + 1e-9)
-            found.append(np.ptp(values[inside]) if inside.any() else math.nan)
-        return np.array(found)
-
-    @property
-    def stroke_mm(self) -> float:
-        """Amplitude of the tip closing: largest less smallest in a stroke."""
-        return _mean(self._swing(self.tip_closing)[self.kept])
-
-    @property
-    def sagitta_stroke_mm(self) -> float:
-        """Amplitude of the sagitta: largest less smallest in a stroke."""
-        return _mean(self._swing(self.sagitta)[self.kept])
-
-    def camera(self, rate: float = CAMERA_RATE, phase: float = 0.0) -> tuple[Array, Array]:
-        """Times [s] and tip closing [mm] in the frames of a camera, after the transient.
-
-        `rate` in frames a second; the first frame is `phase` of a frame's time after the transient ends.
-        """
-        begin, end = self.stroke_ends[self.kept.start], self.stroke_ends[-1]
-        frames = begin + (np.arange(math.floor((end - begin) * rate + 1e-9) + 1) + phase) / rate
-        frames = frames[frames <= end + 1e-9]
-        return frames, np.interp(frames, self.times, self.tip_closing)
-
-    def camera_swing(self, rate: float = CAMERA_RATE, phase: float = 0.0) -> float:
-        """Largest less smallest tip closing that a camera sees [mm]."""
-        _, seen = self.camera(rate, phase)
-        return float(np.ptp(seen)) if len(seen) else math.nan
-
-    @property
-    def camera_stroke_mm(self) -> float:
-        """Stroke as 6 frames a second show it, the first at the beginning of a stroke."""
-        return self.camera_swing()
 
     @cached_property
     def foot_force(self) -> Array:
@@ -287,19 +200,19 @@ class Walk:
         pull = added_forces(self.motion, self.anatomy)
         done = -0.5 * (pull[1:] + pull[:-1]) * np.diff(self.muscle_length, axis=0)
         total = np.concatenate([[0.0], np.maximum(done, 0.0).sum(axis=1).cumsum()])
-        return _mean(np.diff(np.interp(self.stroke_ends, self.times, total))[self.kept])
+        return mean(self._per_stroke(total)[self.kept])
 
     @property
     def work_muscle_uJ(self) -> float:
         """Net work of the muscles' tension in a stroke, standing and active, from the energy book."""
         work = np.interp(self.stroke_ends, self.times, self.motion.energy("muscle"))
-        return _mean(np.diff(work)[self.kept])
+        return mean(np.diff(work)[self.kept])
 
     @property
     def work_friction_uJ(self) -> float:
         """Lost in friction in a stroke, from the energy book."""
         work = np.interp(self.stroke_ends, self.times, self.motion.energy("friction"))
-        return -_mean(np.diff(work)[self.kept])
+        return -mean(np.diff(work)[self.kept])
 
     @property
     def work_walk_uJ(self) -> float:
@@ -364,7 +277,7 @@ class Walk:
             "events": [{"name": e.name, "time_s": e.time, "text": e.text} for e in self.events],
             "notes": list(self.notes),
         }
-        return _plain(found)
+        return plain(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -377,16 +290,3 @@ class _Still:
     Q: Array
     times: Array
     drive: Array
-
-
-def _mean(values: Array) -> float:
-    return float(np.mean(values)) if len(values) else math.nan
-
-
-def _plain(value: Any) -> Any:
-    """For JSON: no numbers that are none."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,12 +26,11 @@ from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.space import Ints
 from fem_biobot.solid.standing import Standing
-
-CAMERA_RATE = 6.0  # frames a second, the paper's
+from fem_biobot.strokes import Strokes, mean, plain
 
 
 @dataclass(frozen=True, eq=False)
-class SolidWalk:
+class SolidWalk(Strokes):
     """A walk over some strokes.
 
     Attributes
@@ -96,46 +94,6 @@ class SolidWalk:
         return self.motion.centre_of_mass
 
     @cached_property
-    def advance(self) -> Array:
-        """Of the centre of mass since the start, along the ground's forward direction, (s,) [mm]."""
-        return (self.position - self.position[0]) @ self.ground.axes[1]
-
-    @cached_property
-    def stroke_ends(self) -> Array:
-        """Beginning of the first stroke, and the end of each whole one, (k + 1,) [s]."""
-        return np.arange(math.floor(self.times[-1] * self.frequency + 1e-6) + 1) / self.frequency
-
-    @property
-    def strokes(self) -> int:
-        """Whole strokes that were made."""
-        return len(self.stroke_ends) - 1
-
-    def _per_stroke(self, values: Array) -> Array:
-        """Change of a quantity in each stroke, (k,)."""
-        return np.diff(np.interp(self.stroke_ends, self.times, values))
-
-    @cached_property
-    def advances(self) -> Array:
-        """Advance in each stroke, (k,) [mm]; positive toward the long pillar."""
-        return self._per_stroke(self.advance)
-
-    @property
-    def kept(self) -> slice:
-        """Strokes that means are taken over."""
-        return slice(min(self.discarded, max(self.strokes - 1, 0)), self.strokes)
-
-    @property
-    def step_mm(self) -> float:
-        """Mean advance per stroke."""
-        return _mean(self.advances[self.kept])
-
-    @property
-    def step_spread_mm(self) -> float:
-        """Standard deviation of the advance over the strokes; not a number for fewer than two."""
-        kept = self.advances[self.kept]
-        return float(np.std(kept, ddof=1)) if len(kept) > 1 else math.nan
-
-    @cached_property
     def _measurer(self) -> Measurer:
         return Measurer(self.design, self.motion.body.model)
 
@@ -168,31 +126,6 @@ class SolidWalk:
     def muscle_force(self) -> Array:
         """Force through the junction's mid-section without its viscous part, (s,) [mN]."""
         return self._measured(self._measurer.muscle_force)
-
-    def _swing(self, values: Array) -> Array:
-        """Largest less smallest value in each stroke, (k,)."""
-        found = []
-        for begin, end in pairwise(self.stroke_ends):
-            inside = (self.times >= begin - 1e-9) & (self.times <= end + 1e-9)
-            found.append(np.ptp(values[inside]))
-        return np.array(found)
-
-    @property
-    def stroke_mm(self) -> float:
-        """Amplitude of the tip closing: largest less smallest in a stroke."""
-        return _mean(self._swing(self.tip_closing)[self.kept])
-
-    @property
-    def sagitta_stroke_mm(self) -> float:
-        """Amplitude of the sagitta."""
-        return _mean(self._swing(self.sagitta)[self.kept])
-
-    @property
-    def camera_stroke_mm(self) -> float:
-        """Stroke as 6 frames a second show it, the first at the beginning of the strokes kept."""
-        begin, end = self.stroke_ends[self.kept.start], self.stroke_ends[-1]
-        frames = begin + np.arange(math.floor((end - begin) * CAMERA_RATE + 1e-9) + 1) / CAMERA_RATE
-        return float(np.ptp(np.interp(frames, self.times, self.tip_closing)))
 
     @cached_property
     def foot_force(self) -> Array:
@@ -279,7 +212,7 @@ class SolidWalk:
     @property
     def work_pillar_uJ(self) -> float:
         """Work of the active force in a stroke, its positive part."""
-        return _mean(self._per_stroke(self.added_work)[self.kept])
+        return mean(self._per_stroke(self.added_work)[self.kept])
 
     @property
     def work_walk_uJ(self) -> float:
@@ -294,7 +227,7 @@ class SolidWalk:
 
     def summary(self) -> dict[str, Any]:
         """Every number with its unit in its key; None where a walk is too short for it."""
-        work = {name: _mean(self._per_stroke(self.motion.energy(name))[self.kept]) for name in _WORKS}
+        work = {name: mean(self._per_stroke(self.motion.energy(name))[self.kept]) for name in _WORKS}
         sagitta, pillar = self.sagitta_stroke_mm, self.work_pillar_uJ
         found: dict[str, Any] = {
             "model": "solid",
@@ -312,7 +245,7 @@ class SolidWalk:
             "camera_stroke_mm": self.camera_stroke_mm,
             "sagitta_stroke_mm": sagitta,
             "passive_closing_mm": self.passive_closing_mm,
-            "drift_mm": _mean(self._per_stroke((self.position - self.position[0]) @ self.ground.axes[2])[self.kept]),
+            "drift_mm": self.drift_mm,
             "amplitude_1": self.amplitude,
             "active_force_mN": self.active_force_mN,
             "weight_mN": self.weight_mN,
@@ -336,20 +269,7 @@ class SolidWalk:
             "events": [{"name": e.name, "time_s": e.time, "text": e.text} for e in self.events],
             "notes": list(self.notes),
         }
-        return _plain(found)
+        return plain(found)
 
 
 _WORKS = ("muscle", "friction", "viscous", "integrator")
-
-
-def _mean(values: Array) -> float:
-    return float(np.mean(values)) if len(values) else math.nan
-
-
-def _plain(value: Any) -> Any:
-    """For JSON: no numbers that are none."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fem_biobot.errors import FileError
 from fem_biobot.files import file_error
 from fem_biobot.rod.dynamics.integrate import Motion
-from fem_biobot.rod.gait import CAMERA_RATE, Walk
+from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.tube_fields import (
     KINDS,
     TOUCH,
@@ -22,6 +22,7 @@ from fem_biobot.rod.tube_fields import (
     resultants,
 )
 from fem_biobot.rod.tubes import Piece, contact_points, ground_square, pieces
+from fem_biobot.strokes import CAMERA_RATE
 from fem_biobot.study.views import is_tissue
 from fem_biobot.view.animation import Silhouette, Trail, write_gait
 from fem_biobot.view.gait import Foot, energy_book, foot_forces, position

@@ -12,8 +12,9 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,20 +28,19 @@ from fem_biobot.muscle_commands import muscle
 from fem_biobot.options import (
     AsJson,
     Debug,
-    DesignName,
-    Force,
     Job,
     MeshFile,
     NoWalk,
     OptionError,
-    Out,
     Quiet,
     Rename,
-    Resume,
     Sets,
     Size,
     check_mesh,
+    ordering,
+    plainly,
 )
+from fem_biobot.orders import Order, VerifyOrder, WalkOrder
 from fem_biobot.study_commands import study
 
 PROGRAM = "fem-biobot"
@@ -130,42 +130,30 @@ def _mesh_command(
     chosen = [name for name, given in ways.items() if given]
     if len(chosen) > 1 or (design is None and "--export" in chosen):
         raise OptionError(f"{chosen[0]}: found together with {chosen[-1]}, expected one of them")
-    order = jobs.Order(design or "", out, size, mesh, rename or (), sets or (), quiet, as_json, force)
+    order = Order(design or "", out, size, mesh, rename or (), sets or (), quiet, as_json, force)
     own = mesh_jobs.MeshOrder(skeleton, muscle, unit, align, landmark or (), export, export_muscle)
     return partial(mesh_jobs.mesh, order, own)
 
 
-def _solving(complete: bool, text: str) -> Callable[..., Job]:
-    """The commands `solve` and `run`, which differ in how much they do."""
+@app.command("solve")
+@ordering(meshes=True, resumes=True)
+def _solve_command(order: Order, no_walk: NoWalk = False) -> Job:
+    """Solve for the states of a design: tables, VTK files and summary, no pictures."""
+    # there is no walking to leave out
+    return partial(jobs.solve, replace(order, walks=False), False)
 
-    def command(
-        design: DesignName,
-        out: Out = None,
-        size: Size = None,
-        mesh: MeshFile = None,
-        rename: Rename = None,
-        sets: Sets = None,
-        quiet: Quiet = False,
-        as_json: AsJson = False,
-        force: Force = False,
-        resume: Resume = False,
-        no_walk: NoWalk = False,
-        debug: Debug = False,
-    ) -> Job:
-        _check_one_way(force, resume)
-        check_mesh(mesh, rename, size)
-        order = jobs.Order(
-            design, out, size, mesh, rename or (), sets or (), quiet, as_json, force, resume, complete and not no_walk
-        )
-        return partial(jobs.solve, order, complete)
 
-    command.__doc__ = text
-    return command
+@app.command("run")
+@ordering(meshes=True, resumes=True)
+def _run_command(order: Order, no_walk: NoWalk = False) -> Job:
+    """Do it all: mesh, states, stroke, error estimate, walking, comparison, report."""
+    return partial(jobs.solve, replace(order, walks=not no_walk), True)
 
 
 @app.command("walk")
+@ordering(meshes=True, resumes=True)
 def _walk_command(
-    design: DesignName,
+    order: Order,
     frequency: Annotated[
         list[str] | None,
         typer.Option("--frequency", metavar="HZ", help="Strokes per second, such as 2Hz; repeat it for a sweep."),
@@ -180,54 +168,15 @@ def _walk_command(
     model: Annotated[
         str, typer.Option("--model", metavar="MODEL", help="Which model walks: rod, solid or both.")
     ] = "rod",
-    out: Out = None,
-    size: Size = None,
-    mesh: MeshFile = None,
-    rename: Rename = None,
-    sets: Sets = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    force: Force = False,
-    resume: Resume = False,
-    debug: Debug = False,
 ) -> Job:
     """Walk a design over its ground: steps, speed, foot forces, work, with plots and an animation."""
-    _check_one_way(force, resume)
-    check_mesh(mesh, rename, size)
-    order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force, resume)
-    return partial(jobs.walk, order, jobs.WalkOrder(frequency or (), duration, amplitude, model))
-
-
-app.command("solve")(_solving(False, "Solve for the states of a design: tables, VTK files and summary, no pictures."))
-app.command("run")(_solving(True, "Do it all: mesh, states, stroke, error estimate, walking, comparison, report."))
-
-
-def _comparing(job: Callable[[jobs.Order], int], text: str) -> Callable[..., Job]:
-    """A command that compares a design with something and asks for its mesh."""
-
-    def command(
-        design: DesignName = "junction_bot",
-        out: Out = None,
-        size: Size = None,
-        mesh: MeshFile = None,
-        rename: Rename = None,
-        sets: Sets = None,
-        quiet: Quiet = False,
-        as_json: AsJson = False,
-        force: Force = False,
-        debug: Debug = False,
-    ) -> Job:
-        check_mesh(mesh, rename, size)
-        order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
-        return partial(job, order)
-
-    command.__doc__ = text
-    return command
+    return partial(jobs.walk, order, WalkOrder(frequency or (), duration, amplitude, model))
 
 
 @app.command("crosscheck")
+@ordering(design="junction_bot", meshes=True)
 def _crosscheck_command(
-    design: DesignName = "junction_bot",
+    order: Order,
     measured: Annotated[
         Path | None,
         typer.Option("--measured", metavar="FILE.csv", help="Measured deflections: tell tension and modulus instead."),
@@ -243,19 +192,8 @@ def _crosscheck_command(
         float | None, typer.Option("--noise", metavar="PIXELS", help="Its deviation, in pixels; by default a half.")
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Of its noise.")] = None,
-    out: Out = None,
-    size: Size = None,
-    mesh: MeshFile = None,
-    rename: Rename = None,
-    sets: Sets = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    force: Force = False,
-    debug: Debug = False,
 ) -> Job:
     """Solve as a solid and as rods at the same tensions: how far they agree, and why not."""
-    check_mesh(mesh, rename, size)
-    order = jobs.Order(design, out, size, mesh, rename or (), sets or (), quiet, as_json, force)
     if pixel is None and (noise, seed) != (None, None):
         raise OptionError("--noise, --seed: found without --pixel, expected the size of the pixel that they are about")
     if measured is not None:
@@ -266,8 +204,11 @@ def _crosscheck_command(
 
 
 app.command("validate")(
-    _comparing(
-        comparing_jobs.validate, "Predict the paper's printed numbers: one verdict each, or why there is no prediction."
+    ordering(design="junction_bot", meshes=True)(
+        plainly(
+            comparing_jobs.validate,
+            "Predict the paper's printed numbers: one verdict each, or why there is no prediction.",
+        )
     )
 )
 
@@ -285,7 +226,7 @@ def _verify_command(
     debug: Debug = False,
 ) -> Job:
     """Compute known answers: one table of every case, with errors, tolerances and sources; fails if a row does."""
-    return partial(jobs.verify, jobs.VerifyOrder(cases or (), out, quiet, as_json, debug))
+    return partial(jobs.verify, VerifyOrder(cases or (), out, quiet, as_json, debug))
 
 
 @app.command("doctor")
@@ -391,8 +332,3 @@ def _stopped_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _check_one_way(force: bool, resume: bool) -> None:
-    if force and resume:
-        raise OptionError("--resume: found together with --force, expected one of them")

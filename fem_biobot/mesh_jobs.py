@@ -12,16 +12,8 @@ from typing import TYPE_CHECKING
 
 from fem_biobot.errors import DesignError, FileError
 from fem_biobot.files import file_error, write_text
-from fem_biobot.jobs import (
-    Order,
-    mesh_size,
-    print_json,
-    region_names,
-    safe_name,
-    say,
-    standard_output_free,
-    usable_folder,
-)
+from fem_biobot.orders import Order, mesh_size, region_names
+from fem_biobot.telling import print_json, safe_name, say, standard_output_free, usable_folder
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design

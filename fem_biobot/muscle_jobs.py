@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fem_biobot.jobs import Order, given_mesh, mesh_size, result_folder, safe_name, show, worked
+from fem_biobot.orders import Order, given_mesh, mesh_size
+from fem_biobot.telling import result_folder, safe_name, show, worked
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design

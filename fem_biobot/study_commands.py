@@ -5,6 +5,7 @@ Each gives a job, which runs after the arguments are parsed, as in `cli`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -12,15 +13,16 @@ from typing import Annotated
 import typer
 
 from fem_biobot import study_jobs
-from fem_biobot.jobs import Order
-from fem_biobot.options import AsJson, Debug, DesignName, Force, Job, OptionError, Out, Quiet, Resume, Sets, group
+from fem_biobot.options import Job, OptionError, group, ordering, plainly
+from fem_biobot.orders import Order
 
 study = group("study", "Questions that take many solutions of a design.")
 
 
 @study.command("convergence")
+@ordering()
 def _convergence_command(
-    design: DesignName,
+    order: Order,
     sizes: Annotated[
         str | None, typer.Option("--sizes", metavar="MM,MM,MM", help="Mesh sizes, three or more, such as 2,1.4,1 mm.")
     ] = None,
@@ -37,20 +39,15 @@ def _convergence_command(
     refine: Annotated[
         int, typer.Option("--refine", metavar="N", help="Also N meshes refined for what the tip does, and the saving.")
     ] = 0,
-    out: Out = None,
-    sets: Sets = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    force: Force = False,
-    debug: Debug = False,
 ) -> Job:
     """Mesh to stress: limit, error bar and order of every number, and which of them do not converge."""
-    order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
     return partial(study_jobs.convergence, order, sizes, tuple(element or ("P2",)), error, fillet, refine)
 
 
 @study.command("sweep")
+@ordering(designs=False, resumes=True)
 def _sweep_command(
+    order: Order,
     file: Annotated[Path, typer.Argument(metavar="SWEEP.toml", help="Which keys take which values, and what is done.")],
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler: tcp://10.0.0.1:8786.")
@@ -58,42 +55,29 @@ def _sweep_command(
     workers: Annotated[
         int | None, typer.Option("--workers", metavar="N", help="Processes on this machine; by default its processors.")
     ] = None,
-    out: Out = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    force: Force = False,
-    resume: Resume = False,
-    debug: Debug = False,
 ) -> Job:
     """Many designs at once: solve, walk or cross-check each, on all cores or a cluster; finished cases stay."""
-    if force and resume:
-        raise OptionError("--resume: found together with --force, expected one of them")
     if scheduler is not None and workers is not None:
         raise OptionError("--workers: found together with --scheduler, expected one of them (a cluster has its own)")
     if workers is not None and workers < 1:
         raise OptionError(f"--workers: found {workers}, expected 1 or more")
-    order = Order(str(file), out, quiet=quiet, json=as_json, force=force, resume=resume)
-    return partial(study_jobs.sweep, order, scheduler, workers)
+    return partial(study_jobs.sweep, replace(order, design=str(file)), scheduler, workers)
 
 
-@study.command("check")
-def _check_command(
-    design: DesignName,
-    out: Out = None,
-    sets: Sets = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    force: Force = False,
-    debug: Debug = False,
-) -> Job:
-    """Will it work? Closed forms in a second: bending, collapse, strains, oxygen, friction; a verdict a row."""
-    order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
-    return partial(study_jobs.check, order)
+study.command("check")(
+    ordering()(
+        plainly(
+            study_jobs.check,
+            "Will it work? Closed forms in a second: bending, collapse, strains, oxygen, friction; a verdict a row.",
+        )
+    )
+)
 
 
 @study.command("search")
+@ordering()
 def _search_command(
-    design: DesignName,
+    order: Order,
     vary: Annotated[
         list[str] | None,
         typer.Option("--vary", metavar="KEY=FROM..TO", help="skeleton.beam_thickness=0.4mm..1mm; one or two keys."),
@@ -104,13 +88,6 @@ def _search_command(
     ] = None,
     model: Annotated[str, typer.Option("--model", metavar="MODEL", help="Who answers: rod or solid.")] = "rod",
     points: Annotated[int, typer.Option("--points", metavar="N", help="Values of each key tried at first.")] = 5,
-    out: Out = None,
-    sets: Sets = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
-    force: Force = False,
-    debug: Debug = False,
 ) -> Job:
     """The inverse question: which value of a key gives a wanted stroke or force; ends with 1 if none does."""
-    order = Order(design, out, sets=sets or (), quiet=quiet, json=as_json, force=force)
     return partial(study_jobs.search, order, tuple(vary or ()), tuple(target or ()), model, points)

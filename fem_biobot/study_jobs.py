@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.errors import DesignError
-from fem_biobot.jobs import Order, length, mesh_size, result_folder, safe_name, show, usable_folder, worked
+from fem_biobot.orders import Order, length, mesh_size
+from fem_biobot.telling import result_folder, safe_name, show, usable_folder, worked
 
 if TYPE_CHECKING:
     from fem_biobot.design import Design

@@ -24,7 +24,7 @@ from scipy.spatial import KDTree
 from fem_biobot.errors import FileError
 from fem_biobot.files import replacing
 from fem_biobot.view.gait import STATE_COLOURS, STATES
-from fem_biobot.view.plots import GRID, INK, SOFT
+from fem_biobot.view.graph import GRID, INK, SOFT
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

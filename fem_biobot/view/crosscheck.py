@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from numpy.typing import ArrayLike, NDArray
 
-from fem_biobot.view.plots import COLOURS, INK, SOFT, _figure, _label, _legend, _pair, _save
+from fem_biobot.view.graph import COLOURS, INK, SOFT, legend, name_axes, paired, save, side_by_side
 
 Array = NDArray[np.float64]
 
@@ -40,14 +40,14 @@ def both_over(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    figure, axes = _figure(len(panels), (3.3 * len(panels), 3.4))
+    figure, axes = side_by_side(len(panels), (3.3 * len(panels), 3.4))
     for each, (name, curves) in zip(axes, panels.items(), strict=True):
         for number, (model, values) in enumerate(curves.items()):
-            xs, ys = _pair(path, f"{name}, {model}", tension, values)
+            xs, ys = paired(path, f"{name}, {model}", tension, values)
             each.plot(xs, ys, "-o", color=COLOURS[number], linewidth=1.6, markersize=3.6, label=model)
-        _label(each, x, name)
-    _legend(axes[0])
-    _save(figure, path, title)
+        name_axes(each, x, name)
+    legend(axes[0])
+    save(figure, path, title)
 
 
 def differences(
@@ -68,18 +68,18 @@ def differences(
         As `both_over`.
     """
     names = list(found)
-    figure, axes = _figure(len(names), (2.3 * len(names), 3.4))
+    figure, axes = side_by_side(len(names), (2.3 * len(names), 3.4))
     for each, name in zip(axes, names, strict=True):
-        xs, ys = _pair(path, name, tension, found[name])
+        xs, ys = paired(path, name, tension, found[name])
         if name in expected:
             low, high = expected[name]
             each.axhspan(100.0 * low, 100.0 * high, color=SOFT, alpha=0.25, linewidth=0)
         each.axhline(0.0, color=SOFT, linewidth=0.8)
         each.plot(xs, 100.0 * ys, "-o", color=COLOURS[0], linewidth=1.6, markersize=3.6)
         each.set_title(name, fontsize=8.5, color=INK)
-        _label(each, "tension [kPa]", "")
+        name_axes(each, "tension [kPa]", "")
     axes[0].set_ylabel("solid over rods, less 1 [%]", fontsize=9.5, color=INK)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def overlaid(
@@ -107,7 +107,7 @@ def overlaid(
     FileError
         The file cannot be written.
     """
-    figure, axes = _figure(len(solid), (4.2 * len(solid), 3.2))
+    figure, axes = side_by_side(len(solid), (4.2 * len(solid), 3.2))
     for each, (name, triangles) in zip(axes, solid.items(), strict=True):
         each.add_collection(PolyCollection(list(triangles), facecolors="0.75", edgecolors="none"))
         for number, line in enumerate(rods.get(name, ())):
@@ -115,10 +115,9 @@ def overlaid(
         each.autoscale_view()
         each.set_aspect("equal")
         each.set_title(name, fontsize=8.5, color=INK)
-        _label(each, "x [mm]", "z [mm]")
-        # a place is given: looking for the best one among many triangles takes long
-        each.legend(loc="lower center", frameon=False, fontsize=8.5, labelcolor=INK)
-    _save(figure, path, title)
+        name_axes(each, "x [mm]", "z [mm]")
+        legend(each)
+    save(figure, path, title)
 
 
 def fitted(
@@ -140,15 +139,15 @@ def fitted(
     FileError
         As `both_over`.
     """
-    figure, (axes,) = _figure(1, (5.2, 3.6))
-    xs, ys = _pair(path, y, x, measured)
+    figure, (axes,) = side_by_side(1, (5.2, 3.6))
+    xs, ys = paired(path, y, x, measured)
     order = np.argsort(xs)
     axes.errorbar(
         xs, ys, yerr=np.asarray(deviation), fmt="o", color=INK, markersize=3.6, linewidth=1.0, label="measured"
     )
     for number, (name, values) in enumerate(curves.items()):
-        _, fit = _pair(path, name, x, values)
+        _, fit = paired(path, name, x, values)
         axes.plot(xs[order], fit[order], "-", color=COLOURS[number], linewidth=1.6, label=name)
-    _label(axes, "drive [1]", y)
-    _legend(axes)
-    _save(figure, path, title)
+    name_axes(axes, "drive [1]", y)
+    legend(axes)
+    save(figure, path, title)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fem_biobot.view.plots import COLOURS, INK, SOFT, _figure, _label, _legend, _pair, _save
+from fem_biobot.view.graph import COLOURS, INK, SOFT, legend, name_axes, paired, save, side_by_side
 from fem_biobot.view.scene import Layer, Panel, Picture
 from fem_biobot.view.surface import feature_edges
 from fem_biobot.vtk import boundary_surface
@@ -97,20 +97,22 @@ def histogram_plot(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    figure, (axes,) = _figure(1, (6.6, 4.2))
+    figure, (axes,) = side_by_side(1, (6.6, 4.2))
     for number, (name, degrees, shares, curve) in enumerate(histograms):
         colour = COLOURS[number % len(COLOURS)]
-        xs, ys = _pair(path, name, degrees, shares)
+        xs, ys = paired(path, name, degrees, shares)
         width = float(xs[1] - xs[0]) if len(xs) > 1 else 1.0
         if len(histograms) == 1:
             axes.bar(xs, ys, 0.9 * width, color=SOFT, alpha=0.5, linewidth=0.0, label=name)
         else:
             axes.plot(xs, ys, ".", color=colour, markersize=3.5, label=name)
         if curve is not None:
-            x_fit, y_fit = _pair(path, f"{name}, fit", degrees, curve)
+            x_fit, y_fit = paired(path, f"{name}, fit", degrees, curve)
             axes.plot(x_fit, y_fit, "-", color=INK if len(histograms) == 1 else colour, linewidth=1.4,
                       label=f"{name}, fit" if len(histograms) == 1 else None)  # fmt: skip
-    _label(axes, "direction, counter-clockwise from the picture's right [deg]", "share of the structure in a bin [1]")
+    name_axes(
+        axes, "direction, counter-clockwise from the picture's right [deg]", "share of the structure in a bin [1]"
+    )
     axes.set_ylim(bottom=0.0)
-    _legend(axes)
-    _save(figure, path, title)
+    legend(axes)
+    save(figure, path, title)

@@ -13,21 +13,18 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
 from fem_biobot.errors import FileError
-from fem_biobot.view.plots import COLOURS, DPI, GRID, INK, SOFT, _label, _legend, _pair, _save
+from fem_biobot.view.graph import COLOURS, INK, SOFT, below_each_other, legend, name_axes, paired, save, shade_strokes
 
 Path = str | os.PathLike[str]
 
 # of a foot: 0, 1, 2
 STATES = ("lifted", "stick", "slip")
 STATE_COLOURS = ("#ffffff", "#8fa3b3", "#e69f00")
-_BAND = "#f3f5f6"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +76,15 @@ def position(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    rows: dict[str, Any] = {"centre of mass [mm]": _pair(path, "advance", times, advance)}
+    rows: dict[str, Any] = {"centre of mass [mm]": paired(path, "advance", times, advance)}
     if tip_closing is not None:
-        rows["tip closing [mm]"] = _pair(path, "tip closing", times, tip_closing)
+        rows["tip closing [mm]"] = paired(path, "tip closing", times, tip_closing)
     ends = np.atleast_1d(np.asarray(strokes, dtype=float))
-    figure, all_axes = _rows([1.0] * len(rows), (7.4, 2.0 + 1.9 * len(rows)))
+    figure, all_axes = below_each_other([1.0] * len(rows), (7.4, 2.0 + 1.9 * len(rows)))
     for axes, (name, (x, y)) in zip(all_axes, rows.items(), strict=True):
-        _strokes(axes, ends, discarded)
+        shade_strokes(axes, ends, discarded)
         axes.plot(x, y, color=COLOURS[0], linewidth=1.5)
-        _label(axes, "", name)
+        name_axes(axes, "", name)
     kept = ends[min(discarded, max(len(ends) - 2, 0)) :]
     if len(kept) > 1:
         x, y = rows["centre of mass [mm]"]
@@ -95,14 +92,14 @@ def position(
         step = (last - first) / (len(kept) - 1)
         label = f"mean of strokes {len(ends) - len(kept) + 1} to {len(ends) - 1}: {step:.3g} mm a stroke"
         all_axes[0].plot(kept[[0, -1]], [first, last], "--", color=COLOURS[1], linewidth=1.3, label=label)
-        _legend(all_axes[0])
+        legend(all_axes[0])
     if camera is not None and tip_closing is not None:
-        x, y = _pair(path, "camera", *camera)
+        x, y = paired(path, "camera", *camera)
         all_axes[1].plot(x, y, "o-", color=COLOURS[1], linewidth=0.8, markersize=3.6, label="as the camera sees it")
-        _legend(all_axes[1])
+        legend(all_axes[1])
     all_axes[-1].set_xlabel("time [s]", fontsize=9.5, color=INK)
     all_axes[-1].margins(x=0.01)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def foot_forces(
@@ -145,13 +142,13 @@ def foot_forces(
     if np.count_nonzero(shown) < 2:
         raise FileError(f"{path}: found {np.count_nonzero(shown)} samples from {begin:g} to {end:g} s, expected more")
     heights = [1.5, 1.5, 0.26 * len(feet), *([0.45] if drive is not None else [])]
-    figure, all_axes = _rows(heights, (7.4, 1.6 + 1.5 * sum(heights)))
+    figure, all_axes = below_each_other(heights, (7.4, 1.6 + 1.5 * sum(heights)))
     state = []
     for number, (name, foot) in enumerate(feet.items()):
         colour = COLOURS[number % len(COLOURS)]
-        _, normal = _pair(path, f"{name}: normal", t, foot.normal)
-        _, along = _pair(path, f"{name}: friction", t, foot.friction)
-        _, states = _pair(path, f"{name}: state", t, foot.state)
+        _, normal = paired(path, f"{name}: normal", t, foot.normal)
+        _, along = paired(path, f"{name}: friction", t, foot.friction)
+        _, states = paired(path, f"{name}: state", t, foot.state)
         state.append(states[shown])
         x, normal, along = t[shown] - begin, normal[shown], along[shown]
         style: dict[str, Any] = {"color": colour, "linewidth": 1.5, "drawstyle": "steps-pre"}
@@ -161,8 +158,8 @@ def foot_forces(
             all_axes[1].plot(x, sign * mu * normal, color=colour, linewidth=0.8, linestyle=":", drawstyle="steps-pre")
     x = t[shown] - begin
     all_axes[0].set_ylim(bottom=min(0.0, all_axes[0].get_ylim()[0]))
-    _label(all_axes[0], "", "normal force [mN]")
-    _label(all_axes[1], "", "friction, forward [mN]")
+    name_axes(all_axes[0], "", "normal force [mN]")
+    name_axes(all_axes[1], "", "friction, forward [mN]")
     if friction:
         all_axes[1].plot([], [], color=SOFT, linewidth=0.8, linestyle=":", label="kinetic coefficient x normal force")
         all_axes[1].legend(
@@ -173,16 +170,16 @@ def foot_forces(
             bbox_to_anchor=(1.0, 0.98),
             borderaxespad=0.0,
         )
-    _legend(all_axes[0])
+    legend(all_axes[0])
     _states(all_axes[2], x, np.array(state), list(feet))
     if drive is not None:
-        _, values = _pair(path, "drive", t, drive)
+        _, values = paired(path, "drive", t, drive)
         all_axes[3].fill_between(x, values[shown], color=COLOURS[3], alpha=0.45, linewidth=0.0)
-        _label(all_axes[3], "", "drive [1]")
+        name_axes(all_axes[3], "", "drive [1]")
         all_axes[3].set_ylim(bottom=0.0)
     all_axes[-1].set_xlabel("time [s]" if period is None else f"time since {begin:.4g} s [s]", fontsize=9.5, color=INK)
     all_axes[-1].set_xlim(0.0, end - begin)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def energy_book(
@@ -215,20 +212,20 @@ def energy_book(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    figure, all_axes = _rows([1.2, 1.6, 0.6], (7.4, 7.0))
+    figure, all_axes = below_each_other([1.2, 1.6, 0.6], (7.4, 7.0))
     for axes, group, name in zip(
         all_axes,
         (stored, work, {"": unexplained}),
         ("stored [uJ]", "work since the start [uJ]", "rest [uJ]"),
         strict=True,
     ):
-        _strokes(axes, np.atleast_1d(np.asarray(strokes, dtype=float)), 0)
+        shade_strokes(axes, np.atleast_1d(np.asarray(strokes, dtype=float)), 0)
         for number, (label, values) in enumerate(group.items()):
-            x, y = _pair(path, label or "unexplained", times, values)
+            x, y = paired(path, label or "unexplained", times, values)
             shade = "-" if number < len(COLOURS) else "--"
             colour = COLOURS[number % len(COLOURS)] if label else INK
             axes.plot(x, y - (y[0] if label else 0.0), shade, color=colour, linewidth=1.3, label=label or None)
-        _label(axes, "", name.replace("uJ", "µJ"))
+        name_axes(axes, "", name.replace("uJ", "µJ"))
         if axes.get_legend_handles_labels()[0]:
             axes.legend(
                 frameon=False,
@@ -240,7 +237,7 @@ def energy_book(
             )
     all_axes[2].ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     all_axes[-1].set_xlabel("time [s]", fontsize=9.5, color=INK)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def step_against_frequency(
@@ -266,11 +263,11 @@ def step_against_frequency(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    figure, all_axes = _rows([1.0, 1.0], (6.6, 5.4))
+    figure, all_axes = below_each_other([1.0, 1.0], (6.6, 5.4))
     for number, (name, curve) in enumerate(curves.items()):
-        f, step = _pair(path, name, curve[0], curve[1])
+        f, step = paired(path, name, curve[0], curve[1])
         order = np.argsort(f)
-        spread = _pair(path, f"{name}: spread", f, curve[2])[1][order] if len(curve) == 3 else None
+        spread = paired(path, f"{name}: spread", f, curve[2])[1][order] if len(curve) == 3 else None
         f, step, colour = f[order], step[order], COLOURS[number % len(COLOURS)]
         for axes, factor in zip(all_axes, (np.ones_like(f), f), strict=True):
             bars = None if spread is None else factor * spread
@@ -279,40 +276,15 @@ def step_against_frequency(
                 elinewidth=1.0, label=name,
             )  # fmt: skip
     for name, pair in (marks or {}).items():
-        f, step = _pair(path, name, *pair)
+        f, step = paired(path, name, *pair)
         for axes, factor in zip(all_axes, (np.ones_like(f), f), strict=True):
             axes.plot(f, factor * step, "D", color=INK, markersize=6, markerfacecolor="white", label=name)
     for axes, label in zip(all_axes, ("step [mm a stroke]", "speed [mm/s]"), strict=True):
         axes.axhline(0.0, color=SOFT, linewidth=0.8)
         axes.set_ylabel(label, fontsize=9.5, color=INK)
-    _legend(all_axes[0])
+    legend(all_axes[0])
     all_axes[-1].set_xlabel("strokes per second [Hz]", fontsize=9.5, color=INK)
-    _save(figure, path, title)
-
-
-def _rows(heights: Sequence[float], size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
-    """A figure with its own canvas and axes one below the other that share their times."""
-    figure = Figure(figsize=size, dpi=DPI, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(len(heights), 1, height_ratios=list(heights))
-    found: list[Axes] = []
-    for number in range(len(heights)):
-        axes = figure.add_subplot(grid[number], sharex=found[0] if found else None)
-        axes.grid(color=GRID, linewidth=0.8)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(SOFT)
-        axes.tick_params(labelsize=8.5, colors=INK, width=0.7, labelbottom=number == len(heights) - 1)
-        found.append(axes)
-    return figure, found
-
-
-def _strokes(axes: Axes, ends: NDArray[Any], discarded: int) -> None:
-    """Every second stroke shaded, the end of the transient as a line."""
-    for begin, end in zip(ends[::2], ends[1::2], strict=False):
-        axes.axvspan(begin, end, color=_BAND, linewidth=0.0, zorder=0)
-    if 0 < discarded < len(ends):
-        axes.axvline(ends[discarded], color=SOFT, linewidth=0.9, linestyle=":")
+    save(figure, path, title)
 
 
 def _states(axes: Axes, x: NDArray[Any], state: NDArray[Any], names: Sequence[str]) -> None:

@@ -12,7 +12,7 @@ from typing import Protocol
 from numpy.typing import ArrayLike
 
 from fem_biobot.errors import FileError
-from fem_biobot.view.plots import COLOURS, INK, _figure, _label, _legend, _pair, _save
+from fem_biobot.view.graph import COLOURS, INK, legend, name_axes, paired, save, side_by_side
 
 # curves beyond which their names stand beside the graph
 _MANY = 6
@@ -68,10 +68,10 @@ def known_and_ours(
     """
     if not curves:
         raise FileError(f"{path}: found no curves, expected at least one to draw")
-    figure, (axes,) = _figure(1, (7.2, 4.8))
+    figure, (axes,) = side_by_side(1, (7.2, 4.8))
     counts = {True: 0, False: 0}
     for curve in curves:
-        xs, ys = _pair(path, curve.name, curve.x, curve.y)
+        xs, ys = paired(path, curve.name, curve.x, curve.y)
         for letter, values in (("x", xs), ("y", ys)):
             if letter in logarithmic and not (values > 0.0).all():
                 raise FileError(
@@ -93,9 +93,9 @@ def known_and_ours(
         axes.set_yscale("log")
     if equal:
         axes.set_aspect("equal", adjustable="datalim")
-    _label(axes, x, y)
+    name_axes(axes, x, y)
     if len(curves) <= _MANY:
-        _legend(axes)
+        legend(axes)
     else:
         figure.legend(loc="outside right center", frameon=False, fontsize=8.0, labelcolor=INK)
-    _save(figure, path, title)
+    save(figure, path, title)

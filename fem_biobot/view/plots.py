@@ -8,18 +8,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from fem_biobot.errors import FileError
-from fem_biobot.files import replacing
+from fem_biobot.view.graph import COLOURS, INK, SOFT, legend, name_axes, paired, save, side_by_side
 
-DPI = 160
-INK, SOFT, GRID = "#1f2429", "#667079", "#e3e7ea"
-# Okabe and Ito's colours, told apart by every kind of colour vision
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 # muscle force [mN] and tip closing [mm] of the paper's own simulation, as its text says
 PAPER_FORCE, PAPER_CLOSING = (0.5, 1.0, 1.4), (0.3, 0.5, 1.0)
 PAPER_LABEL = "paper, simulated (text, approx.)"
@@ -54,10 +48,10 @@ def force_stroke(
     FileError
         A curve's two rows differ in length or hold something not finite; the file cannot be written.
     """
-    figure, (axes,) = _figure(1, (6.6, 4.4))
+    figure, (axes,) = side_by_side(1, (6.6, 4.4))
     closings, forces = [0.0], [0.0]
     for number, (name, (closing, force)) in enumerate(curves.items()):
-        x, y = _pair(path, name, closing, force)
+        x, y = paired(path, name, closing, force)
         _line(axes, x, y, COLOURS[number % len(COLOURS)], name)
         closings.append(float(x.max(initial=0.0)))
         forces.append(float(y.max(initial=0.0)))
@@ -71,9 +65,9 @@ def force_stroke(
     for name, (x, y) in (marks or {}).items():
         axes.plot([x], [y], "o", color=INK, markersize=5, zorder=4)
         axes.annotate(name, (x, y), (7, -9), textcoords="offset points", fontsize=8.5, color=INK)
-    _label(axes, "tip closing [mm]", "muscle force [mN]")
-    _legend(axes)
-    _save(figure, path, title)
+    name_axes(axes, "tip closing [mm]", "muscle force [mN]")
+    legend(axes)
+    save(figure, path, title)
 
 
 def tension_path(
@@ -114,13 +108,13 @@ def tension_path(
     given = {name: values for name, values in rows.items() if values is not None}
     if not given:
         raise FileError(f"{path}: a tension path needs at least one measure to draw")
-    figure, all_axes = _figure(len(given), (3.1 * len(given) + 0.4, 3.2))
+    figure, all_axes = side_by_side(len(given), (3.1 * len(given) + 0.4, 3.2))
     for number, (axes, (name, values)) in enumerate(zip(all_axes, given.items(), strict=True)):
-        x, y = _pair(path, name, tension, values)
+        x, y = paired(path, name, tension, values)
         _line(axes, x, y, COLOURS[0], "")
-        _label(axes, "tension [kPa]", name)
+        name_axes(axes, "tension [kPa]", name)
         _vertical(axes, marks, named=number == 0)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def von_mises_path(
@@ -149,15 +143,15 @@ def von_mises_path(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    figure, (axes,) = _figure(1, (6.2, 4.0))
+    figure, (axes,) = side_by_side(1, (6.2, 4.0))
     for number, (name, values) in enumerate(series.items()):
-        x, y = _pair(path, name, tension, values)
+        x, y = paired(path, name, tension, values)
         _line(axes, x, y, COLOURS[number % len(COLOURS)], name)
-    _label(axes, "tension [kPa]", "von Mises Cauchy stress [kPa]")
+    name_axes(axes, "tension [kPa]", "von Mises Cauchy stress [kPa]")
     axes.set_ylim(bottom=0.0)
     _vertical(axes, marks, named=True)
-    _legend(axes)
-    _save(figure, path, title)
+    legend(axes)
+    save(figure, path, title)
 
 
 def newton_history(
@@ -185,51 +179,27 @@ def newton_history(
     """
     named = isinstance(residuals, Mapping)
     steps = dict(residuals.items()) if isinstance(residuals, Mapping) else {str(i): r for i, r in enumerate(residuals)}
-    figure, (axes,) = _figure(1, (6.2, 4.0))
+    figure, (axes,) = side_by_side(1, (6.2, 4.0))
     floor = 1e-17  # an exact zero has no logarithm
     for number, (name, values) in enumerate(steps.items()):
         count = np.arange(len(np.atleast_1d(np.asarray(values))))
-        x, y = _pair(path, name, count, values)
+        x, y = paired(path, name, count, values)
         share = number / max(len(steps) - 1, 1)
         colour = COLOURS[number % len(COLOURS)] if len(steps) <= len(COLOURS) else _fade(share)
         _line(axes, x, np.maximum(np.abs(y), floor), colour, name if named else "")
     axes.set_yscale("log")
     if tolerance is not None:
         axes.axhline(tolerance, color=SOFT, linewidth=1.0, linestyle="--", label="tolerance")
-    _label(axes, "iteration", "residual / force scale [1]")
+    name_axes(axes, "iteration", "residual / force scale [1]")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    _legend(axes)
-    _save(figure, path, title)
+    legend(axes)
+    save(figure, path, title)
 
 
 def _fade(share: float) -> Any:
     """From light to dark blue, for many steps in order."""
     light, dark = np.array([0.68, 0.80, 0.90]), np.array([0.0, 0.20, 0.38])
     return tuple(light + share * (dark - light))
-
-
-def _figure(count: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
-    """A figure with its own canvas and `count` axes in a row."""
-    figure = Figure(figsize=size, dpi=DPI, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = [figure.add_subplot(1, count, number + 1) for number in range(count)]
-    for each in axes:
-        each.grid(color=GRID, linewidth=0.8)
-        each.set_axisbelow(True)
-        each.spines[["top", "right"]].set_visible(False)
-        each.spines[["left", "bottom"]].set_color(SOFT)
-        each.tick_params(labelsize=8.5, colors=INK, width=0.7)
-    return figure, axes
-
-
-def _pair(path: str | os.PathLike[str], name: str, x: ArrayLike, y: ArrayLike) -> tuple[Any, Any]:
-    """Two rows of finite numbers of one length, or a refusal that names them."""
-    xs, ys = np.atleast_1d(np.asarray(x, dtype=float)), np.atleast_1d(np.asarray(y, dtype=float))
-    if xs.shape != ys.shape or xs.ndim != 1:
-        raise FileError(f"{path}: {name}: {ys.shape} values at {xs.shape} places, expected as many as places")
-    if not (np.isfinite(xs).all() and np.isfinite(ys).all()):
-        raise FileError(f"{path}: {name}: values that are not finite cannot be drawn")
-    return xs, ys
 
 
 def _line(axes: Axes, x: Any, y: Any, colour: Any, name: str) -> None:
@@ -245,19 +215,3 @@ def _vertical(axes: Axes, marks: Mapping[str, float] | None, *, named: bool) -> 
                 name, (at, 0.02), (-3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
                 rotation=90, fontsize=7.5, color=SOFT, ha="right", va="bottom",
             )  # fmt: skip
-
-
-def _label(axes: Axes, x: str, y: str) -> None:
-    axes.set_xlabel(x, fontsize=9.5, color=INK)
-    axes.set_ylabel(y, fontsize=9.5, color=INK)
-
-
-def _legend(axes: Axes) -> None:
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False, fontsize=8.5, labelcolor=INK)
-
-
-def _save(figure: Figure, path: str | os.PathLike[str], title: str) -> None:
-    figure.suptitle(title, fontsize=11.5, color=INK, x=0.02, ha="left")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=DPI, format="png", metadata={"Software": None})

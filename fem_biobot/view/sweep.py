@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fem_biobot.errors import FileError
-from fem_biobot.view.plots import COLOURS, GRID, INK, SOFT, _figure, _save
+from fem_biobot.view.graph import COLOURS, GRID, INK, SOFT, save, side_by_side
 
 Columns = Mapping[str, Sequence[object]]
 _MOST = 4  # panels in a row or column
@@ -62,7 +62,7 @@ def against_each(
                 axes.set_xlabel(x, fontsize=8, color=INK)
             if col == 0:
                 axes.set_ylabel(y, fontsize=8, color=INK)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def coordinates(
@@ -74,7 +74,7 @@ def coordinates(
     """
     _check(path, columns)
     names = [*parameters[: 2 * _MOST], *numbers[:_MOST]]
-    figure, (axes,) = _figure(1, (1.5 + 1.3 * len(names), 4.0))
+    figure, (axes,) = side_by_side(1, (1.5 + 1.3 * len(names), 4.0))
     axes.grid(visible=False)
     colour = _scaled(_placed(columns[numbers[0]])[0])
     heights = np.array([_scaled(_placed(columns[name])[0]) for name in names])
@@ -90,7 +90,7 @@ def coordinates(
     axes.set_yticks([])
     axes.set_ylim(-0.12, 1.12)
     axes.spines[["left", "bottom"]].set_visible(False)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def _check(path: str | os.PathLike[str], columns: Columns) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
-from fem_biobot.view.plots import COLOURS, INK, SOFT, _figure, _label, _legend, _pair, _save
+from fem_biobot.view.graph import COLOURS, INK, SOFT, legend, name_axes, paired, save, side_by_side
 
 
 def lines(
@@ -43,12 +43,12 @@ def lines(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    figure, (axes,) = _figure(1, (6.6, 4.2))
+    figure, (axes,) = side_by_side(1, (6.6, 4.2))
     for number, (name, (places, values)) in enumerate(curves.items()):
-        xs, ys = _pair(path, name, places, values)
+        xs, ys = paired(path, name, places, values)
         axes.plot(xs, ys, "-", color=COLOURS[number % len(COLOURS)], linewidth=1.6, label=name)
     for number, (name, (places, values)) in enumerate((points or {}).items()):
-        xs, ys = _pair(path, name, places, values)
+        xs, ys = paired(path, name, places, values)
         colour = COLOURS[number % len(COLOURS)]
         axes.plot(xs, ys, "o", color=colour, markersize=5, markerfacecolor="white", label=name)
     for name, value in (levels or {}).items():
@@ -62,9 +62,9 @@ def lines(
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:g}")
         axes.tick_params(which="minor", labelsize=7)
-    _label(axes, x, y)
-    _legend(axes)
-    _save(figure, path, title)
+    name_axes(axes, x, y)
+    legend(axes)
+    save(figure, path, title)
 
 
 def cloud(
@@ -101,14 +101,14 @@ def cloud(
     FileError
         Rows of different length or not finite; the file cannot be written.
     """
-    a, b = _pair(path, "section", across, up)
-    _, v = _pair(path, "section", across, values)
-    figure, (axes,) = _figure(1, (6.6, 4.2))
+    a, b = paired(path, "section", across, up)
+    _, v = paired(path, "section", across, values)
+    figure, (axes,) = side_by_side(1, (6.6, 4.2))
     shown = axes.scatter(a, b, c=v, s=7, cmap="viridis", vmin=0.0, linewidths=0)
     low = v < below
     axes.plot(a[low], b[low], ".", color="#c0392b", markersize=3)
     axes.set_aspect("equal", adjustable="datalim")
     bar = figure.colorbar(shown, ax=axes)
     bar.set_label(value, fontsize=9.5, color=INK)
-    _label(axes, x, y)
-    _save(figure, path, title)
+    name_axes(axes, x, y)
+    save(figure, path, title)

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fem_biobot.errors import FileError
-from fem_biobot.view.gait import _rows, _strokes
-from fem_biobot.view.plots import COLOURS, INK, _label, _legend, _save
+from fem_biobot.view.graph import COLOURS, INK, below_each_other, legend, name_axes, save, shade_strokes
 
 _LINES = ("-", "--", ":", "-.")
 
@@ -60,9 +59,9 @@ def together(
     """
     if not ways:
         raise FileError(f"{path}: found no walk, expected at least one")
-    figure, axes = _rows([1.0, 1.0, 1.2, 1.2], (7.4, 8.8))
+    figure, axes = below_each_other([1.0, 1.0, 1.2, 1.2], (7.4, 8.8))
     for each in axes:
-        _strokes(each, np.atleast_1d(np.asarray(strokes, dtype=float)), 0)
+        shade_strokes(each, np.atleast_1d(np.asarray(strokes, dtype=float)), 0)
     for number, (name, way) in enumerate(ways.items()):
         colour, t = COLOURS[number % len(COLOURS)], np.asarray(way.times, dtype=float)
         for k, values in enumerate((way.advance, way.tip_closing)):
@@ -75,12 +74,12 @@ def together(
     for each, words in zip(
         axes, ("centre of mass [mm]", "tip closing [mm]", "normal force [mN]", "friction, forward [mN]"), strict=True
     ):
-        _label(each, "", words)
-    _legend(axes[0])
-    _legend(axes[2])
+        name_axes(each, "", words)
+    legend(axes[0])
+    legend(axes[2])
     axes[-1].set_xlabel("time [s]", fontsize=9.5, color=INK)
     axes[-1].margins(x=0.01)
-    _save(figure, path, title)
+    save(figure, path, title)
 
 
 def _checked(path: str | os.PathLike[str], what: str, times: np.ndarray, values: ArrayLike) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 
-from fem_biobot.view.plots import COLOURS, INK, SOFT, _figure, _label, _legend, _save
+from fem_biobot.view.graph import COLOURS, INK, SOFT, legend, name_axes, save, side_by_side
 
 
 def beside_measured(
@@ -30,7 +30,7 @@ def beside_measured(
     FileError
         The file cannot be written.
     """
-    figure, (axes,) = _figure(1, (8.4, 1.2 + 0.3 * len(rows)))
+    figure, (axes,) = side_by_side(1, (8.4, 1.2 + 0.3 * len(rows)))
     models = list(dict.fromkeys(model for *_, predictions in rows for model in predictions))
     for line, (_, printed, deviation, predictions) in enumerate(rows):
         if deviation:
@@ -44,9 +44,9 @@ def beside_measured(
     axes.axvline(1.0, color=INK, linewidth=0.9)
     axes.set_yticks(range(len(rows)), [name for name, *_ in rows], fontsize=8)
     axes.invert_yaxis()
-    _label(axes, "predicted over printed [1]", "")
-    _legend(axes)
-    _save(figure, path, title)
+    name_axes(axes, "predicted over printed [1]", "")
+    legend(axes)
+    save(figure, path, title)
 
 
 def tornado(
@@ -71,7 +71,7 @@ def tornado(
     FileError
         The file cannot be written.
     """
-    figure, axes = _figure(len(panels), (4.6 * len(panels), 3.4))
+    figure, axes = side_by_side(len(panels), (4.6 * len(panels), 3.4))
     for each, (name, rows) in zip(axes, panels.items(), strict=True):
         ordered = sorted(rows, key=lambda row: max(abs(row[1]), abs(row[2])), reverse=True)
         for line, (_, low, high) in enumerate(ordered):
@@ -81,5 +81,5 @@ def tornado(
         each.set_yticks(range(len(ordered)), [label for label, *_ in ordered], fontsize=7.5)
         each.invert_yaxis()
         each.set_title(name, fontsize=8.5, color=INK)
-        _label(each, "change [%]", "")
-    _save(figure, path, title)
+        name_axes(each, "change [%]", "")
+    save(figure, path, title)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from fem_biobot import cli, jobs
+from fem_biobot import cli, jobs, orders, telling
 from fem_biobot.errors import BiobotError, DesignError, DiskError, SolveError
 from tests.command import call, call_process, command, environment, listing, msh
 
@@ -179,7 +179,7 @@ def test_mesh_size_is_in_mm_unless_it_says_otherwise(text: str) -> None:
 
     Catches: a bare number refused, read in m, or a unit ignored.
     """
-    assert jobs.mesh_size(text) == pytest.approx(0.8, rel=1e-15)
+    assert orders.mesh_size(text) == pytest.approx(0.8, rel=1e-15)
 
 
 # ---------------------------------------------------------------- exit codes
@@ -498,7 +498,7 @@ def test_names_of_designs_do_not_lead_out_of_the_folder(tmp_path: Path, monkeypa
     monkeypatch.chdir(tmp_path)
     for name, folder in (("../../x y", "x_y"), ("..", "unnamed"), ("bot-2.1", "bot-2.1")):
         design = load_design("strip").with_values({"name": name})
-        assert jobs.result_folder(design, None) == Path("runs") / folder
+        assert telling.result_folder(design, None) == Path("runs") / folder
 
 
 def test_the_module_is_the_command() -> None:

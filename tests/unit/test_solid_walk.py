@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fem_biobot import jobs
+from fem_biobot import orders
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, FileError, MeshError, SolveError
@@ -248,9 +248,9 @@ def test_options_of_models_that_do_not_fit_are_refused() -> None:
     Catches: an unknown model taken for the rods, a mesh size that is ignored.
     """
     with pytest.raises(DesignError, match=r"--model: found .cloth., expected rod, solid or both"):
-        jobs.walk_plan(jobs.Order("junction_bot"), jobs.WalkOrder(model="cloth"))
+        orders.walk_plan(orders.Order("junction_bot"), orders.WalkOrder(model="cloth"))
     with pytest.raises(DesignError, match="--size: found with --model rod"):
-        jobs.walk_plan(jobs.Order("junction_bot", size="2 mm"), jobs.WalkOrder())
+        orders.walk_plan(orders.Order("junction_bot", size="2 mm"), orders.WalkOrder())
 
 
 def test_feet_are_told_apart_by_what_their_load_does() -> None:

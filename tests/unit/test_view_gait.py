@@ -29,13 +29,13 @@ RIGHT = Foot(0.9 - 0.1 * TIMES, -0.3 * np.cos(TIMES), np.ones(81))
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """The figures that were saved, to look into."""
     kept: list[Figure] = []
-    save = gait._save
+    save = gait.save
 
     def keep(figure: Figure, path: Any, title: str) -> None:
         kept.append(figure)
         save(figure, path, title)
 
-    monkeypatch.setattr(gait, "_save", keep)
+    monkeypatch.setattr(gait, "save", keep)
     return kept
 
 

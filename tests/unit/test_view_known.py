@@ -23,13 +23,13 @@ OURS = Curve("ours", [2.0, 3.0], [5.1, 7.2])
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """The figures that were saved, to look into."""
     kept: list[Figure] = []
-    save = known._save
+    save = known.save
 
     def keep(figure: Figure, path: Any, title: str) -> None:
         kept.append(figure)
         save(figure, path, title)
 
-    monkeypatch.setattr(known, "_save", keep)
+    monkeypatch.setattr(known, "save", keep)
     return kept
 
 

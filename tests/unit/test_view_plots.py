@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from fem_biobot.errors import FileError
-from fem_biobot.view import plots
+from fem_biobot.view import graph, plots
 
 TENSION = np.linspace(0.0, 14.0, 9)
 FORCE = 0.1 * TENSION
@@ -23,13 +23,13 @@ CLOSING = 0.55 * FORCE**1.2
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """The figures that were saved, to look into."""
     kept: list[Figure] = []
-    save = plots._save
+    save = plots.save
 
     def keep(figure: Figure, path: Any, title: str) -> None:
         kept.append(figure)
         save(figure, path, title)
 
-    monkeypatch.setattr(plots, "_save", keep)
+    monkeypatch.setattr(plots, "save", keep)
     return kept
 
 
@@ -99,3 +99,23 @@ def test_rows_that_do_not_fit_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="at least one measure"):
         plots.tension_path(tmp_path / "a.png", TENSION)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_no_legend_lies_over_a_curve(tmp_path: Path, columns: int) -> None:
+    """Catches: a legend left over curves that fill their axes, one put over the axes' neighbour."""
+    figure, all_axes = graph.side_by_side(columns, (3.4 * columns, 2.6))
+    x = np.linspace(0.0, 1.0, 400)
+    for axes in all_axes:
+        axes.plot(x, np.sin(60.0 * x), label="the whole of the axes")
+        graph.legend(axes)
+    figure.draw_without_rendering()
+    assert all(graph.covers(axes) for axes in all_axes)
+    graph.save(figure, tmp_path / "a.png", "title")
+    figure.draw_without_rendering()
+    assert not any(graph.covers(axes) for axes in all_axes)
+    boxes = [axes.get_legend().get_window_extent() for axes in all_axes]  # type: ignore[union-attr]
+    for number, box in enumerate(boxes):
+        assert not any(box.overlaps(axes.get_window_extent()) for axes in all_axes), number
+        assert figure.bbox.x0 <= box.x0, number
+        assert box.x1 <= figure.bbox.x1, number

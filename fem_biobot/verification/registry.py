@@ -13,6 +13,7 @@ from fem_biobot.verification import (
     cook,
     machine,
     muscle_and_spring,
+    published_walker,
     rod_systems,
     rod_turned,
     rods,
@@ -20,6 +21,7 @@ from fem_biobot.verification import (
     solid_machine,
     solid_moving,
     solid_states,
+    two_models,
     walker,
 )
 from fem_biobot.verification.records import Case
@@ -46,6 +48,8 @@ _FAMILIES = (
     walker,
     solid_moving,
     machine,
+    two_models,
+    published_walker,
 )
 CASES: dict[str, Case] = {
     case.id: case

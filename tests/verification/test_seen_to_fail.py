@@ -28,6 +28,7 @@ from fem_biobot import (
     Section,
     SolidModel,
     Symmetry,
+    reduce,
     solid_dynamics,
     walk,
 )
@@ -39,6 +40,7 @@ from fem_biobot.verification import (
     cook,
     machine,
     muscle_and_spring,
+    published_walker,
     rod_systems,
     rod_turned,
     rods,
@@ -46,6 +48,7 @@ from fem_biobot.verification import (
     solid_machine,
     solid_moving,
     solid_states,
+    two_models,
     walker,
 )
 from fem_biobot.verification.beam import EccentricStrip
@@ -54,8 +57,8 @@ from fem_biobot.verification.rod_parts import rod_of
 
 Patch = pytest.MonkeyPatch
 MODULES = (
-    cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, rod_systems, rods, solid_machine,
-    solid_moving, walker,
+    cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, published_walker, rod_systems, rods,
+    solid_machine, solid_moving, two_models, walker,
 )  # fmt: skip
 # case to the words of a row that must fail, and the fault
 FAULTS: dict[str, tuple[str, Callable[[Patch], None]]] = {}
@@ -246,6 +249,20 @@ def _a_beam_a_hundredth_thinner(patch: Patch) -> None:
     patch.setattr(machine, "linear_closing", lambda force: linear(force) / 0.99)
 
 
+@fault("B2", "closing without thickness")
+def _rods_of_a_beam_a_hundredth_thicker(patch: Patch) -> None:
+    def thicker(design: Design) -> Any:
+        return reduce(design.with_values({"skeleton.beam_thickness": 1.01 * design.value("skeleton.beam_thickness")}))
+
+    patch.setattr(two_models, "reduce", thicker)
+
+
+@fault("B3", "weight")
+def _beams_with_all_of_their_mass(patch: Patch) -> None:
+    made = published_walker.load_design
+    patch.setattr(published_walker, "load_design", lambda name: made(name, ["walker.halved_beam = no"]))
+
+
 def _forget() -> None:
     """Drop what modules of cases remember of earlier computations."""
     for module in MODULES:
@@ -262,7 +279,7 @@ def forgetful() -> Iterator[None]:
     _forget()
 
 
-SLOW = ("S1", "S5", "S6", "S9", "S10", "R6", "R7", "C1", "C4", "C6", "C7", "S13", "B1")
+SLOW = ("S1", "S5", "S6", "S9", "S10", "R6", "R7", "C1", "C4", "C6", "C7", "S13", "B1", "B3")
 
 
 @pytest.mark.usefixtures("forgetful")

@@ -16,13 +16,12 @@ import numpy as np
 from fem_biobot.design import Design
 from fem_biobot.errors import SolveError
 from fem_biobot.link.masses import with_masses
-from fem_biobot.link.observed import Array, Observed
-from fem_biobot.link.rod_side import RodSide
+from fem_biobot.link.observed import Array, Observed, parts_of_energy
+from fem_biobot.link.rod_side import RodSide, energies
 from fem_biobot.link.sections import MeshSections, sections_from_mesh, with_sections
-from fem_biobot.link.strip import STRIP, StripSections, stretches_of, strip_from_mesh, with_strip
+from fem_biobot.link.strip import STRIP, Pull, StripSections, stretches_of, strip_from_mesh, with_strip
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.solid.measures import muscle_work
 from fem_biobot.study.reporter import Reporter, Silent
 
 _MOST = 20
@@ -57,7 +56,8 @@ def parts_of(
     if design.value("muscle.layout") == "junction":
         name = str(getattr(reduced.members[0], "name", ""))
         approach = [design.span - state.muscle_length(name) for state in states]
-        pulls = [(each.tension, by) for each, by in zip(seen, approach, strict=True)]
+        turns = [float(np.deg2rad(each.numbers["pillar_rotation_deg"])) for each in seen]
+        pulls = [Pull(each.tension, *by) for each, *by in zip(seen, approach, turns, strict=True)]
         strip = strip_from_mesh(design, mesh, pulls)
     reporter.advance("junction" if strip else "no junction")
     found = LoadedRods(design, reduced, sections, strip, mesh)
@@ -101,7 +101,6 @@ class LoadedRods:
         observed: list[Observed] = []
         states: list[RodState] = []
         curvature = stretch = None
-        lengths: list[float] = []
         for k in range(len(tensions)):
             try:
                 side, seen, state = self._settled(tensions[: k + 1], curvature, stretch)
@@ -111,10 +110,8 @@ class LoadedRods:
                 reporter.note(f"rods at load: nothing above {tensions[k - 1]:.3g} kPa: {failure}")
                 break
             curvature, stretch = self._bearing(side, state)
-            lengths.append(side.tension_length(state))
-            # by the work of the muscle, since the models of the states before are others
-            work = muscle_work(list(tensions[: k + 1]), lengths, side.tension_length(side.model.drawn()))[-1]
-            observed.append(replace(seen, numbers={**seen.numbers, "strain_energy_uJ": work}))
+            stored = parts_of_energy(*self._stored(side, state, curvature))
+            observed.append(replace(seen, numbers={**seen.numbers, **stored}))
             states.append(state)
         reporter.advance(f"rods at load to {tensions[len(states) - 1]:.3g} kPa")
         return observed, states
@@ -137,6 +134,17 @@ class LoadedRods:
             if changed and max(float(c.max()) for c in changed) < _SETTLED:
                 return side, observed[-1], states[-1]
         raise SolveError(f"constants at load: found no end within {_MOST} rounds at {tensions[-1]:.3g} kPa", None)
+
+    def _stored(self, side: RodSide, state: RodState, curvature: Array) -> tuple[float, float]:
+        """Energy of beam and of muscle [uJ], each along its own curve, which rods about a load are not."""
+        beam = side.model.rods[0]
+        size = np.diff(beam.points[:, 0])
+        linear = energies(state, beam.name)
+        of_beam = float(linear.sum() - linear[3] + self.sections.bending_energy(curvature) @ size)
+        if self.strip is None:
+            return of_beam, state.energy - side.beam_energy(state)
+        ends = state.points(STRIP)[[0, -1]]
+        return of_beam, self.strip.stored(self.design.span - float(np.linalg.norm(ends[1] - ends[0])))
 
     def _bearing(self, side: RodSide, state: RodState) -> tuple[Array, Array | None]:
         """Curvature of each stretch of beam [1/mm] and stretch of each of the junction [1]."""

@@ -15,7 +15,7 @@ from fem_biobot.errors import DesignError, ModelError
 from fem_biobot.link.at_load import LoadedRods, parts_of
 from fem_biobot.link.expected import Expectation, Interval, expect
 from fem_biobot.link.modes import Pair, paired, seen_positions
-from fem_biobot.link.observed import Array, Observed
+from fem_biobot.link.observed import Array, Observed, beyond
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.sections import MeshSections, with_sections
 from fem_biobot.link.shapes import Both, level_both, rod_outline, solid_outline
@@ -249,6 +249,8 @@ def crosscheck(
     else:
         reporter.stage("solid and rods at the same tensions", len(levels) + len(sides))
         observed, states = solid.states(levels, reporter)
+    own = solid.squeezed(levels[: len(observed)])
+    observed = [beyond(each, *energy) for each, energy in zip(observed, own, strict=True)]
     by_rods = {name: side.states(levels, reporter) for name, side in sides.items()}
     # about the passive state, or the last that all reached
     standing = levels.index(design.tension(0.0)) if design.tension(0.0) in levels else len(levels) - 1

@@ -6,7 +6,7 @@ machine, x and z, and free of rigid motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,3 +129,15 @@ def observed(design: Design, tension: float, points: Points, **numbers: float) -
         "curvature_1_per_mm": float(curvature[_ELEMENTS // 4 : -(_ELEMENTS // 4)].mean()),
     }
     return Observed(tension, {**numbers, **own}, points.level(), curvature)
+
+
+def parts_of_energy(skeleton: float, muscle: float) -> dict[str, float]:
+    """Passive energy of both parts and their sum as measures [uJ]."""
+    return {"strain_energy_uJ": skeleton + muscle, "energy_skeleton_uJ": skeleton, "energy_muscle_uJ": muscle}
+
+
+def beyond(state: Observed, skeleton: float, muscle: float) -> Observed:
+    """The same state, its energies told beyond some that both parts have anyway [uJ]."""
+    n = state.numbers
+    left = parts_of_energy(n["energy_skeleton_uJ"] - skeleton, n["energy_muscle_uJ"] - muscle)
+    return replace(state, numbers={**n, **left, "energy_rings_uJ": skeleton + muscle})

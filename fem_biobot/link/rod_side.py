@@ -11,7 +11,7 @@ import numpy as np
 from fem_biobot.design import Design
 from fem_biobot.errors import SolveError
 from fem_biobot.link.modes import Motions
-from fem_biobot.link.observed import Array, Observed, Points, drawn_points, observed, rotation
+from fem_biobot.link.observed import Array, Observed, Points, drawn_points, observed, parts_of_energy, rotation
 from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.modes import modes
@@ -84,9 +84,13 @@ class RodSide:
             muscle_force_mN=sum(force for force, _ in self._muscles(state)),
             tip_closing_mm=float(apart0[0] - apart @ chord),
             sagitta_mm=float(np.linalg.norm(arm - (arm @ chord) * chord)),
-            strain_energy_uJ=state.energy,
             fibre_stretch_1=self._muscles(state)[0][1],
+            **parts_of_energy(beam := self.beam_energy(state), state.energy - beam),
         )
+
+    def beam_energy(self, state: RodState) -> float:
+        """Elastic energy of the beam [uJ]."""
+        return float(energies(state, self.model.rods[0].name).sum())
 
     def _muscles(self, state: RodState) -> list[tuple[float, float]]:
         """Tensile force [mN] and stretch [1] in the middle of each muscle, of its members and of a rod along them."""
@@ -100,12 +104,6 @@ class RodSide:
                 force += float(state.resultants(member.a[0])[0][member.a[1], 2])
             found.append((force, state.muscle_length(member.name) / float(drawn)))
         return found
-
-    def tension_length(self, state: RodState) -> float:
-        """Length of the members by what they pull with under unit tension [uJ/kPa]: its loss is the tension's work."""
-        unit = self.design.tension(1.0)
-        members = [m for m in self.model.members if isinstance(m, Muscle)]
-        return sum(m.isometric(1.0) / unit * state.muscle_length(m.name) for m in members)
 
     def motions(self, state: RodState, at: Array, count: int) -> Motions:
         """Slowest free motions about a state, seen at drawn positions (p, 3) [mm] of pillars or of the beam's nodes."""
@@ -130,3 +128,12 @@ class RodSide:
 def _on(body: str, X: Array) -> Place:
     x, y, z = (float(c) for c in X)
     return body, (x, y, z)
+
+
+def energies(state: RodState, rod: str) -> Array:
+    """Elastic energy of a rod by its shear across, stretch, bending across and twist, (6,) [uJ]; linear."""
+    eps, kappa = state.strain(rod)
+    force, couple = state.resultants(rod)
+    drawn = next(each for each in state.model.rods if each.name == rod).points
+    size = np.linalg.norm(np.diff(drawn, axis=0), axis=1)
+    return 0.5 * size @ np.hstack([force * eps, couple * kappa])

@@ -87,6 +87,16 @@ class MeshSections:
         moment, slope = np.array(pairs).T
         return moment, slope
 
+    def bending_energy(self, curvature: Array) -> Array:
+        """Energy per length of each stretch at a curvature of each, (m,) [mN]: its moment over the way there."""
+        found = []
+        for k, M, at in zip(self.curvatures.T, self.moments.T, np.abs(curvature), strict=True):
+            within, beyond = min(at, float(k[-1])), max(at - float(k[-1]), 0.0)
+            moment, slope = _curve(k, M, within)
+            whole = float(PchipInterpolator(k, M).integrate(0.0, within))
+            found.append(whole + moment * beyond + 0.5 * slope * beyond**2)
+        return np.array(found)
+
 
 def _curve(curvatures: Array, moments: Array, at: float) -> tuple[float, float]:
     size, last = abs(at), float(curvatures[-1])

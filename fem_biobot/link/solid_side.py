@@ -11,10 +11,10 @@ import numpy as np
 from fem_biobot.design import Design
 from fem_biobot.errors import SolveError
 from fem_biobot.link.modes import Motions
-from fem_biobot.link.observed import Array, Observed, Points, drawn_points, observed, rotation
+from fem_biobot.link.observed import Array, Observed, Points, drawn_points, observed, parts_of_energy, rotation
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.fibres import in_junction
-from fem_biobot.solid.from_design import densities, tension_step
+from fem_biobot.solid.from_design import densities, model_from_design, tension_step
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
 from fem_biobot.solid.modes import modes
@@ -82,18 +82,21 @@ class SolidSide:
             muscle_force_mN=measure.muscle_force(state),
             tip_closing_mm=measure.tip_closing(state),
             sagitta_mm=measure.sagitta(state),
-            strain_energy_uJ=self._energy(state),
             fibre_stretch_1=measure.fibre_stretch(state),
+            **parts_of_energy(*passive_energy(state)),
         )
 
-    def _energy(self, state: SolidState) -> float:
-        """Passive energy of skeleton and junction [uJ]; the rods know nothing of what the rings store in themselves."""
-        system = self.model.system
-        passive = system.points(state.F, 0.0, state.pressure, moduli=False)
-        each = np.sum(passive.psi * system.space.dV, axis=1)
-        muscle = self.mesh.regions["muscle"]
-        centres = self.mesh.points[:, self.mesh.cells[:, muscle]].mean(axis=1)
-        return float(each[self.mesh.regions["skeleton"]].sum() + each[muscle[in_junction(self.design, centres)]].sum())
+    def squeezed(self, tensions: Sequence[float]) -> list[tuple[float, float]]:
+        """Passive energy of skeleton and muscle where the rings around the pillars alone pull, at each tension [uJ].
+
+        Rings squeeze their pillars and themselves whether the machine bends or not, and store energy in that which
+        rods, whose rings are rigid, have no part for. Nothing in a machine whose muscle is one ring that slides.
+        """
+        if self.design.value("muscle.layout") != "junction":
+            return [(0.0, 0.0)] * len(tensions)
+        centres = self.mesh.points[:, self.mesh.cells[:, self.mesh.regions["muscle"]]].mean(axis=1)
+        alone = model_from_design(self.design, self.mesh, np.where(in_junction(self.design, centres), 0.0, 1.0))
+        return [passive_energy(s) for s in solve(alone, [tension_step(self.design, T) for T in tensions]).states]
 
     def motions(self, state: SolidState, at: Array, count: int) -> Motions:
         """Slowest free motions about a state, seen at reference positions (p, 3) [mm]."""
@@ -101,3 +104,12 @@ class SolidSide:
         flexible = found.frequencies > 0.0
         seen = np.einsum("cin,np->cpi", found.shapes[flexible], self._weights(at))
         return Motions(found.frequencies[flexible], seen @ rotation(-self.points(state).tilt).T)
+
+
+def passive_energy(state: SolidState) -> tuple[float, float]:
+    """Of skeleton and of muscle [uJ], without what their tension could do."""
+    system, regions = state.model.system, state.model.mesh.regions
+    passive = system.points(state.F, 0.0, state.pressure, moduli=False)
+    each = np.sum(passive.psi * system.space.dV, axis=1)
+    skeleton, muscle = (float(each[regions[name]].sum()) if name in regions else 0.0 for name in ("skeleton", "muscle"))
+    return skeleton, muscle

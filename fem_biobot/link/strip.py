@@ -7,22 +7,26 @@ to bend and shear, and a chain of members along the same nodes that carries its 
 
 Constants come from the muscle's mesh alone, its bonds moved as rigid plates, the rings between them and the strip as
 they are: stretched, turned, twisted a little without tension; held, under a little tension; and, for what gel and
-muscle do at large, pulled together under tension without a turn. Shear has its closed form.
+muscle do at large, pulled together under tension without a turn. Shear has its closed form. What the muscle stores is
+that of its bonds coming together as far, and turned by as much, as those of a machine do: under tension a turned end
+stores less than its bending alone would say, since fibres turn with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
-from fem_biobot.link.observed import Array, Ints
+from fem_biobot.link.observed import Array, Ints, rotation
 from fem_biobot.link.parts import BONDS, part_of
+from fem_biobot.link.solid_side import passive_energy
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.fibres import fibre_field
 from fem_biobot.rod.landmarks import Landmarks
@@ -43,6 +47,14 @@ _RING_PARTS = 4
 _INSIDE = 0.45  # of the thickness, above and below the middle line, where the turn of a section is read
 
 
+class Pull(NamedTuple):
+    """Nominal tension [kPa], approach of the bonds [mm], and the turn of each inwards [rad]."""
+
+    tension: float
+    approach: float
+    turn: float
+
+
 @dataclass(frozen=True)
 class StripSections:
     """Constants of a junction between its two bonds.
@@ -59,6 +71,9 @@ class StripSections:
         Force by which each stretch pulls under unit tension, (s,) [mN/kPa].
     stretch, passive
         Of pulls at large: stretch of each stretch (p, s) [1] and its force without that of the tension (p, s) [mN].
+    approach, energy
+        Of the same pulls with turned bonds, after none: how far the bonds came together [mm], and the passive energy of
+        the whole muscle beyond that at the same tension and unmoved bonds [uJ], (p + 1,) each.
     """
 
     x: Array
@@ -70,6 +85,17 @@ class StripSections:
     pull: Array
     stretch: Array
     passive: Array
+    approach: Array
+    energy: Array
+
+    def stored(self, approach: float) -> float:
+        """Passive energy of the muscle by an approach of its bonds [uJ]; beyond the last pull with its last modulus."""
+        small = 0.5 / float((np.diff(self.x) / self.EA).sum())
+        modulus = np.concatenate([[small], self.energy[1:] / self.approach[1:] ** 2])
+        if len(modulus) == 1:
+            return small * approach**2
+        curve = PchipInterpolator(self.approach, modulus)
+        return float(curve(np.clip(approach, 0.0, self.approach[-1]))) * approach**2
 
     def resistance(self, stretch: Array) -> tuple[Array, Array]:
         """Passive force of each stretch at its stretch, (s,) [mN], and its derivative, (s,) [mN]."""
@@ -102,7 +128,7 @@ def read_at(design: Design) -> Array:
     return np.concatenate([left, -left[-2::-1]])
 
 
-def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[tuple[float, float]] = ()) -> StripSections:
+def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[Pull] = ()) -> StripSections:
     """Constants of the junction by loads on the muscle of a mesh.
 
     Parameters
@@ -110,7 +136,7 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[tuple[float,
     design, mesh
         A bot of two pillars with a junction, and its mesh.
     pulls
-        Nominal tension [kPa] and approach of the bonds [mm] of pulls at large, in the order of a path.
+        Pulls at large, in the order of a path.
 
     Raises
     ------
@@ -134,7 +160,17 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[tuple[float,
         return solve(model, [Step(by, tension_step(design, T).tension) for T, by in steps]).states
 
     little = _SMALL * muscle.material.young
-    stretching, held, *large = moved(0, [(0.0, _SMALL), (little, 0.0), *((T, -by) for T, by in pulls)])
+    stretching, held, *large = moved(0, [(0.0, _SMALL), (little, 0.0), *((p.tension, -p.approach) for p in pulls)])
+    unmoved = moved(0, [(p.tension, 0.0) for p in pulls]) if pulls else []
+
+    def turned(pull: Pull) -> SolidState:
+        """The state at a pull whose bonds turn as well."""
+        ends = [middle + np.array([x[i], 0.0, 0.0]) for i in (0, -1)]
+        bonds = [Fix(name, "xyz", partial(_turned, pull, end)) for name, end in zip(BONDS, ends, strict=True)]
+        model = SolidModel(body, material, tensed, bonds, element=design.mesh.element)
+        return solve(model, [Step(1.0, tension_step(design, pull.tension).tension)]).last
+
+    stored = [passive_energy(turned(p))[1] - passive_energy(none)[1] for p, none in zip(pulls, unmoved, strict=True)]
     found = [stretching, *(moved(k, [(0.0, _SMALL)])[0] for k in range(1, 6))]
     K = np.array([_reaction(state, middle) for state in found]) / _SMALL
     C, L = np.linalg.inv(K), design.span
@@ -147,7 +183,7 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[tuple[float,
     lateral = L / C[5, 5]
     shapes = [(_reaction(s, middle)[0], 1.0 + np.diff(_sections(design, s, x)[1]) / size) for s in large]
     active = own / little
-    passive = [force - active * T for (force, _), (T, _) in zip(shapes, pulls, strict=True)]
+    passive = [force - active * p.tension for (force, _), p in zip(shapes, pulls, strict=True)]
     return StripSections(
         x,
         EA,
@@ -158,6 +194,8 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[tuple[float,
         active,
         np.array([stretch for _, stretch in shapes]).reshape(-1, len(size)),
         np.array(passive).reshape(-1, len(size)),
+        np.array([0.0, *(p.approach for p in pulls)]),
+        np.array([0.0, *stored]),
     )
 
 
@@ -167,6 +205,13 @@ def _rigid(k: int, X: Array, middle: Array) -> Array:
     if k < 3:
         return np.repeat(axis, X.shape[1], axis=1)
     return np.cross(np.broadcast_to(axis, X.shape), X - middle[:, None], axis=0)
+
+
+def _turned(pull: Pull, end: Array, X: Array) -> Array:
+    """Displacement of a bond by half of a pull's approach and by its turn about an end of the strip, (3, n) [mm]."""
+    inwards, arm = -float(np.sign(end[0])), X - end[:, None]
+    turned = rotation(inwards * pull.turn) @ arm - arm
+    return turned + np.array([[0.5 * inwards * pull.approach], [0.0], [0.0]])
 
 
 def _reaction(state: SolidState, middle: Array) -> Array:

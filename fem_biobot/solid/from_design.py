@@ -24,8 +24,10 @@ from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.records import BodyForce, Fix, Step, Traction
 
 
-def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
+def model_from_design(design: Design, mesh: BodyMesh, pulling: Array | None = None) -> SolidModel:
     """Solid model of a design; see `SolidModel.from_design`.
+
+    With `pulling`, a factor of each element of the muscle, (e,) [1], parts of it do not pull, or less.
 
     A tension factor of 1 is the tension at full drive, ``design.tension(drive.amplitude)``, or 1 kPa where the design
     has none. Bots are held on three points against the six rigid motions, which carries no force; a strip stands on
@@ -46,6 +48,7 @@ def model_from_design(design: Design, mesh: BodyMesh) -> SolidModel:
         materials[region] = law_of(part.material, _fibres(design, mesh) if region == "muscle" else None)
     if design.muscle is not None:
         share = viable_share(design, mesh)
+        share = share if pulling is None else share * pulling
         active["muscle"] = tension_of(design, fibre_field(design, mesh), share)
     loads: list[Traction | BodyForce] = []
     if design.kind == "cantilever" and design.skeleton is not None and design.load is not None:

@@ -77,6 +77,7 @@ def told(
     tables = [
         _closest(rows, found),
         _ingredients(rows),
+        _energies(found),
         _modes(found),
         _camera(films),
         _sections(found),
@@ -230,6 +231,25 @@ def _ingredients(rows: dict[Stiffness, list[Row]]) -> Table:
             cells.append(f"{100.0 * max(apart, key=abs):+.1f} %" if apart else "")
         lines.append((label, *cells))
     return Table("Largest difference that is left", ("solid beside", *_WORDS.values()), tuple(lines))
+
+
+def _energies(found: CrossCheck) -> Table:
+    """Where the energy is, at the lowest tension and at the highest that all reached."""
+    last = min(len(found.solid), *(len(states) for states in found.rods.values())) - 1
+    parts = {
+        "skeleton, bent": "energy_skeleton_uJ",
+        "muscle, shortened": "energy_muscle_uJ",
+        "rings on their pillars": "energy_rings_uJ",
+    }
+    lines = []
+    for k in sorted({0, last}):
+        for words, key in parts.items():
+            solid = found.solid[k].numbers[key]
+            rods = [states[k].numbers.get(key) for states in found.rods.values()]
+            apart = ["" if value is None else f"{100.0 * (solid / value - 1.0):+.1f} %" for value in rods]
+            lines.append((found.solid[k].tension, words, solid, *apart))
+    header = ("tension [kPa]", "part", "solid [uJ]", *(f"beside {label}" for label in _MODELS.values()))
+    return Table("Where the strain energy is; that of the rings is in no other row", header, tuple(lines))
 
 
 def _modes(found: CrossCheck) -> Table:

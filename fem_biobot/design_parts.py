@@ -20,6 +20,7 @@ from fem_biobot.design_kinds import (
     Coordinate,
     Density,
     Diffusivity,
+    Eccentric,
     Element,
     Fatigue,
     Force,
@@ -55,6 +56,7 @@ from fem_biobot.design_kinds import (
     PositiveLength,
     PositiveTime,
     Quantity,
+    Rate,
     Reference,
     Seeding,
     SignedAngle,
@@ -162,6 +164,16 @@ class Tissue(Record, frozen=True):
     )
 
 
+class ForceVelocity(Record, frozen=True):
+    """How stimulated tension depends on the rate of stretch, where there is time: Hill's hyperbola; sources and
+    assumptions in `material.force_velocity`.
+    """
+
+    fastest: Rate = Field(description="Unloaded shortening in rest lengths a second, of native muscle about 10 [1/s]")
+    curvature: Gain = Field(default=0.25, description="Hill's a / F0: the smaller, the more curved [1]")
+    eccentric: Eccentric = Field(default=1.4, description="Bound of the force in lengthening over the isometric [1]")
+
+
 class ActivationField(Record, frozen=True):
     """Where and when the muscle is stimulated: one of a formula, a table and a picture. The standing tension stays."""
 
@@ -241,6 +253,9 @@ class Muscle(Record, frozen=True):
     transverse: Fraction = Field(default=0.0, description="Tension across the fibres over that along them [1]")
     tissue: Tissue | None = Field(
         default=None, description="How the tissue was seeded, in place of its section and tension"
+    )
+    force_velocity: ForceVelocity | None = Field(
+        default=None, description="How the stimulated tension depends on the rate of the fibre's stretch"
     )
     activation: ActivationField | None = Field(default=None, description="Stimulation that is not the same everywhere")
     oxygen: Oxygen | None = Field(default=None, description="Oxygen, where it decides on the viable share")

@@ -64,6 +64,16 @@ def completed(data: Any) -> Any:
     return {**data, "muscle": {**muscle, **values}}
 
 
+def at_rest(muscle: Any) -> str | None:
+    """A line about what states at rest leave out of a muscle, None where that is nothing."""
+    if getattr(muscle, "force_velocity", None) is None:
+        return None
+    return (
+        "muscle.force_velocity: equilibria have no velocity, so that the stimulated tension is the isometric one "
+        "there; walks have it"
+    )
+
+
 def told(muscle: Any) -> str | None:
     """A line about what followed from a muscle's tissue, None for one that was stated."""
     tissue = getattr(muscle, "tissue", None)

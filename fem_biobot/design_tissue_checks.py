@@ -54,7 +54,14 @@ def _check_tension(design: Design) -> None:
         raise DesignError(
             f"muscle.transverse: found {muscle.transverse:g}, expected 0 with muscle.force_length {muscle.force_length}"
         )
-    extras = {"spread": muscle.spread, "transverse": muscle.transverse, "force_length": muscle.force_length != "none"}
+    if muscle.transverse > 0.0 and muscle.force_velocity is not None:
+        raise DesignError(f"muscle.transverse: found {muscle.transverse:g}, expected 0 with muscle.force_velocity")
+    extras = {
+        "spread": muscle.spread,
+        "transverse": muscle.transverse,
+        "force_length": muscle.force_length != "none",
+        "force_velocity": muscle.force_velocity is not None,
+    }
     if muscle.convention == "active_strain" and any(extras.values()):
         key = next(name for name, given in extras.items() if given)
         raise DesignError(f"muscle.{key}: found with muscle.convention active_strain, expected it with a tension only")

@@ -83,6 +83,7 @@ DIMENSIONS: Mapping[str, Dimension] = {
     ),
     "rad": Dimension("an angle", "90", "deg", {"deg": _PI / 180, "rad": Fraction(1)}),
     "Hz": Dimension("a frequency", "2", "Hz", {"Hz": Fraction(1), "1/s": Fraction(1)}),
+    "1/s": Dimension("a rate", "10", "1/s", {"1/s": Fraction(1), "Hz": Fraction(1)}),
     "mM": Dimension(
         "a concentration",
         "0.2",

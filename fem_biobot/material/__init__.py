@@ -7,6 +7,7 @@ from fem_biobot.material.conventions import Convention, converted_tension, force
 from fem_biobot.material.dispersion import AngularTension, Density, Dispersion
 from fem_biobot.material.fibre_tension import FibreTension
 from fem_biobot.material.force_length import FORCE_LENGTH, ForceLength, force_length
+from fem_biobot.material.force_velocity import ForceVelocity
 from fem_biobot.material.gent import Gent
 from fem_biobot.material.guccione import Guccione
 from fem_biobot.material.holzapfel_ogden import HolzapfelOgden
@@ -34,6 +35,7 @@ __all__ = [
     "Dispersion",
     "FibreTension",
     "ForceLength",
+    "ForceVelocity",
     "Gent",
     "Guccione",
     "HolzapfelOgden",

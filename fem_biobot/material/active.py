@@ -13,6 +13,7 @@ from fem_biobot.material.conventions import Convention, convention_of
 from fem_biobot.material.dispersion import AngularTension, Dispersion
 from fem_biobot.material.fibre_tension import FibreTension, check_tension, check_transverse, check_unit
 from fem_biobot.material.force_length import CONSTANT, ForceLength, force_length
+from fem_biobot.material.force_velocity import ForceVelocity
 from fem_biobot.material.law import Array, Law
 from fem_biobot.material.muscle_tension import Activation, MuscleTension
 
@@ -48,12 +49,14 @@ class ActiveStress:
         Sum over the directions of the dispersion, the slow reference, in place of its structure tensor.
     standing
         How much of `tension` is there without stimulation [kPa], a number or one value an element of the region; none
-        by default. As the tension rises with the step's factor it comes first. Neither `force_length` nor `activation`
-        acts on it: force-length curves are measured on what stimulation adds.
+        by default. As the tension rises with the step's factor it comes first. Neither `force_length` nor
+        `force_velocity` nor `activation` acts on it: such curves are measured on what stimulation adds.
     activation
         Share of the stimulated tension over space and time: a function of reference positions (3, k) [mm] and the
         step's time [s] with values (k,) of at least 0; 1 everywhere by default. See `muscle.activation` for formulas,
         tables and pictures.
+    force_velocity
+        Dependence of the stimulated tension on the rate of the fibre's stretch, where there is time; none by default.
     """
 
     tension: float | Array
@@ -65,6 +68,7 @@ class ActiveStress:
     integrate: bool = False
     standing: float | Array = 0.0
     activation: Activation | None = None
+    force_velocity: ForceVelocity | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "convention", convention_of(self.convention))
@@ -83,6 +87,7 @@ class ActiveStress:
             "transverse": self.transverse > 0.0,
             "dispersion": self.dispersion is not None,
             "activation": self.activation is not None,
+            "force_velocity": self.force_velocity is not None,
         }
         if self.convention is Convention.active_strain and any(extras.values()):
             found = next(name for name, given in extras.items() if given)
@@ -96,14 +101,25 @@ class ActiveStress:
             )
         if self.activation is not None and not callable(self.activation):
             raise ModelError(f"activation: found {self.activation!r}, expected a function of position and time")
-        if self.integrate and (np.any(self.standing) or self.activation is not None):
-            raise ModelError("integrate: found with a standing tension or an activation, expected neither")
+        if self.force_velocity is not None:
+            if not isinstance(self.force_velocity, ForceVelocity):
+                raise ModelError(f"force_velocity: found {self.force_velocity!r}, expected a ForceVelocity")
+            if self.transverse:
+                raise ModelError(
+                    f"transverse: found {self.transverse:g} together with a force-velocity curve, expected one of the "
+                    "two (how tension across fibres depends on their rate is not known)"
+                )
+        if self.integrate and (np.any(self.standing) or self.activation is not None or self.force_velocity is not None):
+            raise ModelError(
+                "integrate: found with a standing tension, an activation or a force-velocity curve, expected none"
+            )
 
     @property
     def has_parts(self) -> bool:
         """Whether the standing and the stimulated tension differ in more than their size."""
         curved = isinstance(self.force_length, ForceLength) and not self.force_length.is_constant
-        return self.activation is not None or (curved and bool(np.any(self.standing)))
+        alone = self.activation is not None or self.force_velocity is not None
+        return alone or (curved and bool(np.any(self.standing)))
 
 
 def active_law(
@@ -144,4 +160,4 @@ def active_law(
     kept = np.zeros(n_elements)
     kept[elements] = muscle.standing
     standing = FibreTension(kept, a0, convention, CONSTANT, muscle.transverse, structure)
-    return MuscleTension(whole, standing, muscle.activation, X, elements)
+    return MuscleTension(whole, standing, muscle.activation, X, elements, muscle.force_velocity)

@@ -63,7 +63,7 @@ class FibreTension:
     ``(I - H) / 2`` and the tension ``2 transverse T``: at rest ``S = T (H + transverse (I - H))``.
 
     Energy is zero in the undeformed body but stress is not: muscle pulls. ``cauchy`` has no energy and an unsymmetric
-    tangent. No dependence on the rate of shortening.
+    tangent. `MuscleTension` makes it depend on the rate of shortening.
     """
 
     tension: float | Array
@@ -120,6 +120,24 @@ class FibreTension:
         tension = np.asarray(self.tension, dtype=float)
         object.__setattr__(other, "tension", tension[elements] if tension.ndim else self.tension)
         return other
+
+    def along(self, E: Array) -> Array:
+        """``H : E`` of packed strains with their shears doubled, (6, ...) to (...) [1]."""
+        H = self._families[0][1]
+        for _ in range(
+            3 - E.ndim
+        ):  # points in one row, or a single one: the axis of quadrature points is of length one
+            H = H[..., 0]
+        return np.einsum("a...,a...->...", H, E)
+
+    def structure_gradient(self, F: Array) -> Array:
+        """Derivative ``F H`` of ``H : E`` by F, (3, 3, ...) [1]."""
+        return np.einsum("im...,mk...->ik...", F, _unpacked(self.packed_structure, F.ndim - 2))
+
+    @property
+    def packed_structure(self) -> Array:
+        """Its structure tensor, (6, e or 1, q or 1) [1], in the order of `material.law.PAIRS`."""
+        return self._families[0][1]
 
     def _tension(self, n: int) -> Array:
         """Tension at full drive times the factor, with `n` point axes, (...) [kPa]."""

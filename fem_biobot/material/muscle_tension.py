@@ -1,7 +1,8 @@
-"""Tension in two parts: the standing one, and the stimulated one that length and activation decide on.
+"""Tension in two parts: the standing one, and the stimulated one that length, its rate and activation decide on.
 
-What stimulation adds depends on the fibre's length (force-length curves are measured on it, the resting force taken
-off) and need not be the same everywhere or at all times; the standing tension of compacted tissue is there without it.
+What stimulation adds depends on the fibre's length and on how fast that changes (such curves are measured on it, the
+resting force taken off) and need not be the same everywhere or at all times; the standing tension of compacted tissue
+is there without it.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.fibre_tension import FibreTension
+from fem_biobot.material.force_velocity import ForceVelocity, Straining
 from fem_biobot.material.law import Array
 
 # share of the stimulated tension at reference positions (3, k) [mm] and an instant [s], (k,) [1]
@@ -36,11 +38,17 @@ class MuscleTension:
         Reference positions of the points, (3, e, q) or (3, k) [mm]; for an activation.
     elements
         Elements of the muscle, where alone the activation is asked for, where `X` is of ALL elements; else None.
+    force_velocity
+        Dependence of the stimulated part on the rate of the fibre's stretch; none by default.
 
     Notes
     -----
     At the factor c of its tension ``T`` the standing part comes first, ``min(c T, T_standing)``, and what is left is
-    stimulated: ``T = min(c T, T_standing) + f(stretch) a(X, t) max(c T - T_standing, 0)``.
+    stimulated: ``T = min(c T, T_standing) + f(stretch) g(rate) a(X, t) max(c T - T_standing, 0)``.
+
+    The rate over a step of length h is that of the fibre's stretch ``m``, ``(m_end - m_begin) / h``; with it the
+    tangent has ``T f g' / (h m_end) H`` more along ``H``: symmetric like the rest, though the tension has no energy.
+    At rest ``g = 1``.
     """
 
     stimulated: FibreTension
@@ -48,14 +56,21 @@ class MuscleTension:
     activation: Activation | None = None
     X: Array | None = None
     elements: np.ndarray | None = None
+    force_velocity: ForceVelocity | None = None
     _factor: float = field(init=False, repr=False, compare=False, default=1.0)
     _time: float = field(init=False, repr=False, compare=False, default=0.0)
+    _straining: Straining | None = field(init=False, repr=False, compare=False, default=None)
     _known: dict[float, Array] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tension has an energy."""
+        """Whether its tangent is, as that of a tension with an energy."""
         return self.stimulated.symmetric
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether both parts at rest are one tension in proportion to the factor."""
+        return self.activation is None and self.stimulated.force_length.is_constant
 
     def scaled(self, factor: float) -> MuscleTension:
         """The law at a multiple of its tension."""
@@ -69,16 +84,27 @@ class MuscleTension:
         object.__setattr__(other, "_time", time)
         return other
 
+    def straining(self, found: Straining) -> MuscleTension:
+        """The law while the body is strained like that; the law itself where the rate does not matter."""
+        if self.force_velocity is None:
+            return self
+        other = copy(self)
+        object.__setattr__(other, "_straining", found)
+        return other
+
     def at(self, elements: np.ndarray) -> MuscleTension:
         """The law of these elements only, (k,)."""
-        return self._placed(elements, None if self.X is None else self.X[:, elements])
+        other = self._placed(elements, None if self.X is None else self.X[:, elements])
+        return other if self._straining is None else other.straining(self._straining.at(elements))
 
     def at_positions(self, elements: np.ndarray, X: Array) -> MuscleTension:
-        """The law at other positions (3, k) [mm], each in one of these elements, (k,)."""
+        """The law at other positions (3, k) [mm], each in one of these elements, (k,), at rest."""
         return self._placed(elements, X)
 
     def _placed(self, elements: np.ndarray, X: Array | None) -> MuscleTension:
-        other = MuscleTension(self.stimulated.at(elements), self.standing.at(elements), self.activation, X)
+        other = MuscleTension(
+            self.stimulated.at(elements), self.standing.at(elements), self.activation, X, None, self.force_velocity
+        )
         object.__setattr__(other, "_factor", self._factor)
         object.__setattr__(other, "_time", self._time)
         return other
@@ -115,25 +141,74 @@ class MuscleTension:
         kept, added = self.tensions()
         return self.standing.with_tension(kept), self.stimulated.with_tension(added)
 
+    def _moving(self) -> tuple[Array, Array]:
+        """Share of the isometric tension, and its derivative by the strain along the fibres, (...) [1]."""
+        law, s = self.force_velocity, self._straining
+        assert law is not None
+        assert s is not None
+        fibres = self.stimulated
+        begin = np.sqrt(1.0 + 2.0 * fibres.along(s.strain))
+        change = fibres.along(s.rate)
+        end = np.sqrt(1.0 + 2.0 * fibres.along(s.strain + s.time * s.rate))
+        # the difference of the stretches over the time, without their cancellation
+        rate = 2.0 * change / (begin + end)
+        by_strain = law.slope(rate) / (s.share * s.time * end) if s.time > 0.0 else np.zeros_like(rate)
+        return law(rate), by_strain
+
     def energy(self, F: Array) -> Array:
-        """Energy per reference volume, (...) [kPa]; refused for ``cauchy``."""
+        """Energy per reference volume, (...) [kPa]; refused for ``cauchy``, and where the rate matters."""
+        if self._straining is not None:
+            raise ModelError("force_velocity: found a tension that depends on the rate, which has no energy")
         one, two = self.parts()
         return one.energy(F) + two.energy(F)
 
     def stress(self, F: Array) -> Array:
         """First Piola stress, (3, 3, ...) [kPa]."""
         one, two = self.parts()
+        if self._straining is not None:
+            two = two.with_tension(_over_points(two.tension, F.ndim - 2) * self._moving()[0])
         return one.stress(F) + two.stress(F)
 
     def tangent(self, F: Array) -> Array:
         """Tangent ``dP/dF``, (3, 3, 3, 3, ...) [kPa]."""
         one, two = self.parts()
-        return one.tangent(F) + two.tangent(F)
+        if self._straining is None:
+            return one.tangent(F) + two.tangent(F)
+        share, by_strain = self._moving()
+        isometric = _over_points(two.tension, F.ndim - 2)
+        along = two.with_tension(isometric * by_strain).stress(F)
+        towards = two.with_tension(1.0).structure_gradient(F)
+        lagging = np.einsum("ik...,jl...->ikjl...", along, towards)
+        return one.tangent(F) + two.with_tension(isometric * share).tangent(F) + lagging
 
     def add_second_piola(self, F: Array, elements: np.ndarray, S: Array, D: Array, psi: Array) -> None:
         """Compiled form over the points of `elements`."""
-        for part in self.parts():
-            part.add_second_piola(F, elements, S, D, psi)
+        standing, stimulated = self.parts()
+        standing.add_second_piola(F, elements, S, D, psi)
+        if self._straining is None:
+            stimulated.add_second_piola(F, elements, S, D, psi)
+            return
+        share, by_strain = self.at(elements)._moving()
+        isometric = np.broadcast_to(_over_points(stimulated.tension, 2), psi.shape)
+        nothing = np.zeros_like(psi)  # there is no energy
+
+        def times(factor: Array) -> FibreTension:
+            tension = np.zeros(psi.shape)
+            tension[elements] = isometric[elements] * factor
+            return stimulated.with_tension(tension)
+
+        times(share).add_second_piola(F, elements, S, D, nothing)
+        if not len(D):
+            return
+        lagging = np.zeros_like(S)
+        times(by_strain).add_second_piola(F, elements, lagging, D[:0], nothing)
+        H = stimulated.packed_structure
+        H = H[:, elements] if H.shape[1] > 1 else H
+        entry = 0
+        for a in range(6):
+            for b in range(0 if len(D) == 36 else a, 6):
+                D[entry, elements] += lagging[a, elements] * H[b]
+                entry += 1
 
 
 def activation_at(activation: Activation, X: Array, time: float) -> Array:

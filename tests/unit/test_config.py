@@ -18,7 +18,7 @@ from fem_biobot.errors import DesignError, FileError
 NAMES = ("junction_bot", "ring_bot", "elastica_walker", "strip", "cantilever")
 
 # sections that the junction bot does not have
-ABSENT = ("walker.", "muscle.oxygen.", "muscle.tissue.", "muscle.activation.")
+ABSENT = ("walker.", "muscle.oxygen.", "muscle.tissue.", "muscle.force_velocity.", "muscle.activation.")
 
 
 def write(folder: Path, text: str, name: str = "mine.toml") -> Path:

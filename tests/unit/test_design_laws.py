@@ -116,6 +116,26 @@ def test_parameters_left_out_change_no_digest_and_no_file() -> None:
             "muscle.transverse: found 0.1, expected 0 with muscle.force_length gordon_1966",
         ),
         (
+            ("muscle.transverse=0.1", "muscle.force_velocity.fastest=5 1/s"),
+            "muscle.transverse: found 0.1, expected 0 with muscle.force_velocity",
+        ),
+        (
+            ("muscle.convention=active_strain", "muscle.force_velocity.fastest=5 1/s"),
+            "muscle.force_velocity: found with muscle.convention active_strain, expected it with a tension only",
+        ),
+        (
+            ("muscle.force_velocity.curvature=0.3",),
+            'muscle.force_velocity.fastest: missing, expected a rate with its unit, such as "10 1/s"',
+        ),
+        (
+            ("muscle.force_velocity.fastest=0 1/s",),
+            "muscle.force_velocity.fastest: found 0 1/s, expected above 0 1/s",
+        ),
+        (
+            ("muscle.force_velocity.fastest=5 1/s", "muscle.force_velocity.eccentric=1"),
+            "muscle.force_velocity.eccentric: found 1, expected above 1",
+        ),
+        (
             ("muscle.convention=active_strain", "muscle.spread=10 deg"),
             "muscle.spread: found with muscle.convention active_strain, expected it with a tension only",
         ),

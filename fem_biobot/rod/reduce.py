@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
 from fem_biobot.muscle.oxygenation import viable_gamma
+from fem_biobot.rod.activation.curve import MuscleCurve
 from fem_biobot.rod.activation.named import force_length_curve
 from fem_biobot.rod.build import Load
 from fem_biobot.rod.drag.record import Drag
@@ -195,9 +196,9 @@ def reduce(
     *Muscle.* Layout ``junction``: a member in each bay at the junction's height, between the pillars' inner faces, of
     the section ``junction_width x junction_thickness``; layout ``ring``: two members beside the pillars, each of the
     section ``ring_thickness x ring_height``. Force after Eq. 2 of the paper, ``A (gamma sin(theta) T + E (s - 1) / s)``
-    at the stretch s, gamma once, in the passive and the active tension ``T``. Reference ``as_moulded``: no passive
-    stress as drawn; ``remodelled``: none in the shape to which the standing tension alone bends the free machine,
-    weight left out.
+    at the stretch s, gamma once, in the passive and the active tension ``T``, the active one with the factors of
+    `muscle.force_length` and of `muscle.force_velocity`. Reference ``as_moulded``: no passive stress as drawn;
+    ``remodelled``: none in the shape to which the standing tension alone bends the free machine, weight left out.
     *Masses.* Gel: pillars and beam. Tissue: a frame of ``ring_thickness x ring_height`` around each pillar, bonded to
     it, and the muscle between, half at each end. Each has its own centre, so that buoyancy acts where it should.
     *Damping.* Kelvin-Voigt with ``numerics.damping_time`` in beam and muscle.
@@ -343,6 +344,8 @@ def _muscles(
         y = s.pillar_width / 2 + m.ring_thickness / 2
         lines, area = [(side, end) for side in (-y, y) for end in ends], m.ring_thickness * m.ring_height
     curve = None if m.force_length == "none" else force_length_curve(m.force_length, m.optimal_stretch or 1.0)
+    hill = m.force_velocity
+    slowed = None if hill is None else MuscleCurve.hill(hill.fastest, hill.curvature, hill.eccentric)
     gamma, active = viable_gamma(design), m.active_tension
     if m.gamma_scales == "active":
         gamma, active = 1.0, gamma * active
@@ -359,6 +362,7 @@ def _muscles(
             viscosity=m.material.young * design.numerics.damping_time,
             name=name,
             force_length=curve,
+            force_velocity=slowed,
         )
         for name, (y, (a, xa, b, xb)) in zip(_numbered("muscle", len(lines)), lines, strict=True)
     ]

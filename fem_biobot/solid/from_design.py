@@ -7,11 +7,12 @@ import numpy as np
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.design_kinds import LAW_PARAMETERS
-from fem_biobot.design_parts import Material
+from fem_biobot.design_parts import Material, Muscle
 from fem_biobot.errors import DesignError, MeshError
 from fem_biobot.material.active import ActiveStress
 from fem_biobot.material.dispersion import Dispersion
 from fem_biobot.material.force_length import force_length
+from fem_biobot.material.force_velocity import ForceVelocity
 from fem_biobot.material.law import Array, Law
 from fem_biobot.material.laws import law_from
 from fem_biobot.material.natural_state import NaturalState, isochoric_contraction
@@ -90,7 +91,13 @@ def tension_of(design: Design, a0: Array, share: float | Array = 1.0) -> ActiveS
         Dispersion(muscle.spread, muscle.spread_kind) if muscle.spread else None,
         standing=design.tension(0.0) * share,
         activation=activation_of(design),
+        force_velocity=_force_velocity(muscle),
     )
+
+
+def _force_velocity(muscle: Muscle) -> ForceVelocity | None:
+    found = muscle.force_velocity
+    return None if found is None else ForceVelocity(found.fastest, found.curvature, found.eccentric)
 
 
 def densities(design: Design) -> dict[str, float]:

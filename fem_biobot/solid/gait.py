@@ -198,9 +198,12 @@ class SolidWalk(Strokes):
         dV = system.space.dV
 
         def read(i: int) -> tuple[Array, Array]:
-            F = self.motion.state(i).F
-            both = [system.points(F, s, passive=False, moduli=False).S for s in (self.motion.drive[i], standing)]
-            return both[0] - both[1], green_lagrange(F)
+            state = self.motion.state(i)
+            both = [
+                system.points(state.F, s, passive=False, moduli=False, straining=state.straining).S
+                for s in (self.motion.drive[i], standing)
+            ]
+            return both[0] - both[1], green_lagrange(state.F)
 
         done, (S, E) = [0.0], read(0)
         for i in range(1, len(self.times)):

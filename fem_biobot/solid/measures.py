@@ -235,9 +235,10 @@ class Measurer:
         psi = np.zeros(self._space.dV.shape)
         S, D = np.zeros((6, *psi.shape)), np.zeros((0, *psi.shape))
         for c in state.model.system.contractions:
-            if not is_symmetric(c.law) or isinstance(c.law, ActiveStrain | MuscleTension):
+            law = c.law.stimulated if isinstance(c.law, MuscleTension) and c.law.is_plain else c.law
+            if not is_symmetric(law) or isinstance(law, ActiveStrain | MuscleTension):
                 return float("nan")
-            add_law(c.law, state.F, c.elements, S, D, psi)
+            add_law(law, state.F, c.elements, S, D, psi)
         return float(np.sum(psi * self._space.dV))
 
     def measures(self, state: SolidState) -> dict[str, float | None]:

@@ -1,4 +1,4 @@
-"""One equilibrium of a solid model, and what can be asked of it."""
+"""One equilibrium of a solid model, or an instant of its motion, and what can be asked of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fem_biobot.errors import ModelError
+from fem_biobot.material.force_velocity import Straining
 from fem_biobot.material.law import Array
+from fem_biobot.solid.dynamics.strain import green_lagrange, strain_change
 from fem_biobot.solid.held import place_nodes
 from fem_biobot.solid.records import Step, numbers
 from fem_biobot.solid.space import Ints
@@ -38,6 +40,8 @@ class SolidState:
         Norm of the residual over the force scale [1].
     newton_iterations, factorisations, cg_iterations
         Work from the state before to this one, halved steps included.
+    velocity
+        Of the nodes, (3, n) [mm/s], for tension that depends on the rate of the fibre's stretch; at rest by default.
     """
 
     model: SolidModel
@@ -48,6 +52,7 @@ class SolidState:
     factorisations: int = 0
     cg_iterations: int = 0
     pressure: Array | None = None
+    velocity: Array | None = None
 
     @property
     def X(self) -> Array:
@@ -73,7 +78,16 @@ class SolidState:
     @cached_property
     def points(self) -> Points:
         """Stress and energy of passive laws and active tension together, at the quadrature points (no moduli)."""
-        return self.model.system.points(self.F, self.step, self.pressure, moduli=False)
+        return self.model.system.points(self.F, self.step, self.pressure, moduli=False, straining=self.straining)
+
+    @cached_property
+    def straining(self) -> Straining | None:
+        """How it is being strained at the quadrature points; none at rest, or where that does not matter."""
+        system = self.model.system
+        if self.velocity is None or not system.by_rate:
+            return None
+        dF = system.deformation_gradient(np.ascontiguousarray(self.velocity.T)) - np.eye(3)[:, :, None, None]
+        return Straining(green_lagrange(self.F), strain_change(self.F, dF), 0.0)
 
     @cached_property
     def internal_force(self) -> Array:

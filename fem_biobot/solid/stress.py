@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem_biobot.material.active import ActiveLaw
+from fem_biobot.material.force_velocity import Straining
 from fem_biobot.material.law import PAIRS, Array, Law, at_elements, inverse, volume_ratio
 from fem_biobot.material.muscle_tension import MuscleTension
 from fem_biobot.material.volume import volume_measure
+from fem_biobot.solid.dynamics.strain import green_lagrange, strain_change
 from fem_biobot.solid.mixed.pressure import PressureField
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.space import Ints
@@ -122,8 +124,17 @@ class Probe:
             mine = np.isin(self.elements, c.elements)
             if mine.any():
                 tension = _tension_at(c.law_at(state.step), self.elements[mine], self._positions(system, mine))
+                if state.straining is not None and isinstance(tension, MuscleTension):
+                    tension = tension.straining(self._straining(state, F, mine))
                 P[:, :, mine] += tension.stress(F[:, :, mine])
         return np.einsum("ikn,jkn->ijn", P, F) / volume_ratio(F)
+
+    def _straining(self, state: SolidState, F: Array, mine: np.ndarray) -> Straining:
+        """How some of the positions are being strained."""
+        assert state.velocity is not None
+        v = state.velocity[:, state.model.system.space.nodes[:, self.elements[mine]]]
+        dF = np.einsum("ibk,bdk->idk", v, self.slopes[:, :, mine])
+        return Straining(green_lagrange(F[:, :, mine]), strain_change(F[:, :, mine], dF), 0.0)
 
     def _positions(self, system: System, mine: np.ndarray) -> Array:
         """Reference positions of some of the probe's points, (3, k) [mm]."""

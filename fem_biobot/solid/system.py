@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.material.active import ActiveLaw
+from fem_biobot.material.force_velocity import Straining
 from fem_biobot.material.kernels import extrapolated_stress, smallest_volume_ratio
 from fem_biobot.material.law import Array, Law, add_law
 from fem_biobot.material.muscle_tension import MuscleTension
@@ -121,6 +122,11 @@ class System:
         return self.symmetric_laws and self.symmetric_surfaces
 
     @property
+    def by_rate(self) -> bool:
+        """Whether a muscle's tension depends on how fast it is stretched."""
+        return any(isinstance(c.law, MuscleTension) and c.law.force_velocity is not None for c in self.contractions)
+
+    @property
     def n_dofs(self) -> int:
         """Unknowns, the held ones included."""
         return self.pattern.n_dofs
@@ -207,13 +213,20 @@ class System:
         return F
 
     def points(
-        self, F: Array, tension: float | Step, p: Array | None = None, *, passive: bool = True, moduli: bool = True
+        self,
+        F: Array,
+        tension: float | Step,
+        p: Array | None = None,
+        *,
+        passive: bool = True,
+        moduli: bool = True,
+        straining: Straining | None = None,
     ) -> Points:
         """Laws at the quadrature points; raises `InvertedError` where an element is inverted.
 
         `tension` is a step, or a factor on every muscle. With the pressures `p` (m,) [kPa] of the mixed form, by
         default zero. Without `passive` the active tension alone; without `moduli` stress and energy only, with an
-        empty ``D``.
+        empty ``D``. `straining` says at what rate tension acts that depends on it; by default at rest.
         """
         J, element = smallest_volume_ratio(F)
         if not J > 0.0:
@@ -227,6 +240,8 @@ class System:
         for c in self.contractions:
             if tension_factor(tension, c.region) != 0.0:
                 law = c.law_at(tension)
+                if straining is not None and isinstance(law, MuscleTension):
+                    law = law.straining(straining)
                 run_parts(lambda part, law=law: add_law(law, F, part, S, D, psi), split(c.elements))
         volume = odd = None
         if rows == 36:

@@ -10,7 +10,7 @@ import pytest
 
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.friction.ground import Ground
-from fem_biobot.material import ActiveStress, NeoHooke
+from fem_biobot.material import ActiveStress, ForceVelocity, NeoHooke
 from fem_biobot.material.conventions import Convention
 from fem_biobot.solid.dynamics.body import moving_body
 from fem_biobot.solid.dynamics.contact import untouched
@@ -43,19 +43,22 @@ def _fall(model: SolidModel | None = None, duration: float = 0.02, step: float =
     return solid_dynamics(model or _model(), duration, step, **given)
 
 
-def test_the_tangent_of_backward_euler_is_the_derivative() -> None:
+@pytest.mark.parametrize("hill", [None, ForceVelocity(40.0, 0.3)])
+def test_the_tangent_of_backward_euler_is_the_derivative(hill: ForceVelocity | None) -> None:
     """The remainder of the unbalanced force falls with the square: inertia, stress, muscle, viscosity, springs.
 
-    Catches: mass over h, viscosity that is not divided by the step, a stress of the geometric part without viscosity.
+    With a muscle that feels the rate of its stretch, too. Catches: mass over h, viscosity that is not divided by the
+    step, a stress of the geometric part without viscosity, the rate's slope left out.
     """
-    model = _model("P2", supports=[*on_three_corners(SIZE), Foundation("z0", 3.0, 1.0)])
+    fibres = ActiveStress(30.0, np.array([0.6, 0.8, 0.0]), force_velocity=hill)
+    model = _model("P2", supports=[*on_three_corners(SIZE), Foundation("z0", 3.0, 1.0)], active={"muscle": fibres})
     body = moving_body(model, DENSITY, gravity=DOWN, damping_time=2e-3, free=True)
     stepper = Stepper(body, None, DynamicsSettings())
     draw = generator()
     n = model.system.space.n_nodes
     u0, u, direction = (scale * draw.normal(size=(n, 3)) for scale in (0.01, 0.012, 0.01))
     state = State(u0, draw.normal(size=(n, 3)), np.zeros((n, 3)), untouched(0))
-    interval = Interval(3e-3, Step(tension=0.7))
+    interval = Interval(3e-3, Step(tension=0.7), Step(tension=0.7))
     here = stepper.forces(state, u, interval)
     data = stepper._tangent(here.points, here.points.S, u, interval)
     along = body.system.product(data, direction.ravel())
@@ -168,17 +171,18 @@ def test_velocity_of_a_rigid_motion() -> None:
     assert v[:, corner] == pytest.approx([1.0, 4.0, 3.0])
 
 
-def test_supports_that_move_do_their_work() -> None:
+@pytest.mark.parametrize("scheme", list(Scheme))
+def test_supports_that_move_do_their_work(scheme: Scheme) -> None:
     """A held face lifted by its own drive: the work of the supports is in the book, which closes.
 
-    Catches: reactions without inertia, prescribed motion that is left where it was.
+    Catches: reactions without inertia, prescribed motion that is left where it was, or taken inside the step.
     """
     model = SolidModel(
         box_mesh((1, 1, 2), SIZE), {"muscle": NeoHooke(20.0, 0.3)}, supports=[Fix("z0", "xyz", (0.0, 0.0, 0.2))]
     )
     found = solid_dynamics(
         model, 0.02, 1e-3, densities=DENSITY, gravity=DOWN, damping_time=1e-4,
-        drive=lambda t: Step(load=np.sin(100.0 * t) ** 2, tension=0.0, time=t),
+        drive=lambda t: Step(load=np.sin(100.0 * t) ** 2, tension=0.0, time=t), settings=DynamicsSettings(scheme),
     )  # fmt: skip
     base = np.unique(model.mesh.surfaces["z0"])
     np.testing.assert_allclose(found.u[-1, 2, base], 0.2 * np.sin(2.0) ** 2, rtol=1e-12)

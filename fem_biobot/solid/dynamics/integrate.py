@@ -30,6 +30,7 @@ from fem_biobot.solid.step_failed import StepFailedError
 # what drives a body at an instant [s]: a step of the model, or a factor on the tension of all muscles
 Drive = Callable[[float], Step | float]
 
+_BEGINS = 1e-3  # of a step, over which the velocity of supports is taken where they set out
 _INSIDE = 1e-6  # of the body's size, that rounding may put a start into the ground
 
 
@@ -71,7 +72,7 @@ def solid_dynamics(
         A state of the model at rest at time 0, or the checkpoint of another motion, whose time goes on; by default the
         undeformed body.
     velocity
-        With a state: velocity of its nodes, (3, n), or of all of them, (3,) [mm/s].
+        With a state: velocity of its nodes, (3, n), or of all of them, (3,) [mm/s]; supports have their own.
     sample_every
         Steps between samples.
     settings
@@ -118,7 +119,7 @@ def solid_dynamics(
             model, densities, gravity=gravity, medium_density=medium_density, damping_time=damping_time, free=free
         )
     run = _Run(body, ground, feet, drive, settings or DynamicsSettings())
-    run.begin(start, velocity)
+    run.begin(start, velocity, step)
     left = round(duration / step)
     origin, done = run.time, 0
     try:
@@ -162,8 +163,8 @@ class _Run:
         self.work = np.zeros(4, dtype=np.int64)  # steps, iterations, factorisations, halved
         self.worst = 0.0
 
-    def begin(self, start: SolidState | SolidCheckpoint | None, velocity: Any) -> None:
-        """Take over the start; refuses what cannot be."""
+    def begin(self, start: SolidState | SolidCheckpoint | None, velocity: Any, step: float) -> None:
+        """Take over the start of steps of this length [s]; refuses what cannot be."""
         n, c = self.body.system.space.n_nodes, 0 if self.contact is None else self.contact.count
         if isinstance(start, SolidCheckpoint):
             if start.state.u.shape != (n, 3) or len(start.state.touch.state) != c:
@@ -178,7 +179,7 @@ class _Run:
                 raise ModelError(f"velocity: found shape {given.shape}, expected (3,) or (3, {n})")
             v = np.array(np.broadcast_to(given.reshape(3, -1).T, (n, 3)))
             local = self.body.system.to_local(v).copy().reshape(-1)
-            local[self.body.system.held.dofs] = 0.0
+            local[self.body.system.held.dofs] = self._supports_begin(_BEGINS * step)
             v = self.body.system.to_global(local.reshape(-1, 3))
             self.state = State(u, v, np.zeros((n, 3)), untouched(c))
             self.book, self.time = begun(self.body, u, v), 0.0
@@ -191,6 +192,12 @@ class _Run:
                     )
         self.clear()
         self.sample()
+
+    def _supports_begin(self, dt: float) -> Array:
+        """Velocity at which supports set out, (held,) [mm/s]: one-sided difference of order two."""
+        held = self.body.system.held
+        at = [held.at(self.driven(k * dt)) for k in range(3)]
+        return (4.0 * at[1] - 3.0 * at[0] - at[2]) / (2.0 * dt)
 
     def driven(self, time: float) -> Step:
         """What drives at an instant."""
@@ -209,7 +216,7 @@ class _Run:
     def go(self, end: float, h: float, depth: int = 0) -> None:
         """One step that ends at a time; in two halves if it fails."""
         begin = end - h
-        interval = Interval(h, self.driven(begin + self.settings.theta(h) * h))
+        interval = Interval(h, self.driven(begin + self.settings.theta(h) * h), self.driven(end))
         try:
             made = self.stepper.make(self.state, interval)
         except StepFailedError as failure:
@@ -246,6 +253,7 @@ class _Run:
             {
                 "times": self.time,
                 "u": np.ascontiguousarray(s.u.T),
+                "v": np.ascontiguousarray(s.v.T) if body.system.by_rate else np.zeros((3, 0)),
                 "momentum": p.sum(axis=0),
                 "angular_momentum": np.cross(x, p).sum(axis=0),
                 "contact_force": self.tally[:, :3] / since,

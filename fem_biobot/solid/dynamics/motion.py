@@ -63,6 +63,8 @@ class SolidMotion:
         Of the samples, (s,) [s].
     u
         Displacement of the nodes, vertices first, (s, 3, n) [mm].
+    v
+        Their velocity, (s, 3, n) [mm/s], where a muscle's tension depends on it; else (s, 3, 0).
     momentum, angular_momentum
         Linear, and about the world's origin, (s, 3) [kg mm/s, kg mm^2/s].
     contact_force
@@ -89,6 +91,7 @@ class SolidMotion:
     feet: Feet | None
     times: Array
     u: Array
+    v: Array
     momentum: Array
     angular_momentum: Array
     contact_force: Array
@@ -106,7 +109,8 @@ class SolidMotion:
 
     def state(self, i: int) -> SolidState:
         """The sample `i`, whose stress is that of its laws and muscles (without viscosity)."""
-        return SolidState(self.body.model, self.drive[i], self.u[i])
+        moving = self.v[i] if self.v.shape[-1] else None
+        return SolidState(self.body.model, self.drive[i], self.u[i], velocity=moving)
 
     def energy(self, name: str) -> Array:
         """A column of the book, (s,) [uJ]."""

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fem_biobot.material.force_velocity import Straining
 from fem_biobot.material.law import Array, OutsideLawError
 from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.contact import ACCEPTED, Contact, Met, Touch
@@ -47,10 +48,21 @@ class State(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """A step to be made: its length [s], and what drives it where the scheme asks (its end, or its middle)."""
+    """A step to be made.
+
+    Attributes
+    ----------
+    h
+        Its length [s].
+    drive
+        What drives it where the scheme asks: at its end, or inside it.
+    end
+        What drives it at its end, where supports prescribe displacements.
+    """
 
     h: float
     drive: Step
+    end: Step
 
 
 class Forces(NamedTuple):
@@ -140,9 +152,10 @@ class Stepper:
         E1 = green_lagrange(F1)
         muscle = bool(system.contractions)
         theta = self.settings.theta(h)
+        straining = Straining(E0, (E1 - E0) / h, h, theta) if system.by_rate else None
         if self.settings.scheme is Scheme.backward_euler:
             F = F1
-            points = system.points(F1, interval.drive)
+            points = system.points(F1, interval.drive, straining=straining)
             S, D, passive = points.S, points.D, None
         else:
             F = F0 + theta * (F1 - F0)
@@ -153,7 +166,7 @@ class Stepper:
                 passive = passive + self._correction(found.S, F0, F1, E1 - E0)
             S, D = passive.copy(), found.D.copy()
             if muscle:
-                active = system.points(R, interval.drive, passive=False)
+                active = system.points(R, interval.drive, passive=False, straining=straining)
                 S += active.S
                 D += active.D
         inertia = body.momentum_of((self.velocity(state, u, h) - state.v) / h)
@@ -221,7 +234,7 @@ class Stepper:
             share = self.settings.theta(interval.h)
             for guess in (state.u + interval.h * (state.v + share * interval.h * state.change), state.u):
                 try:
-                    return self._iterate(state, self._held(guess, interval.drive), interval)
+                    return self._iterate(state, self._held(guess, interval.end), interval)
                 except InvertedError:
                     if guess is state.u:
                         raise

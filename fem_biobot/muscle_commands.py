@@ -26,6 +26,14 @@ muscle.command("drive")(
         )
     )
 )
+muscle.command("velocity")(
+    ordering()(
+        plainly(
+            muscle_jobs.velocity,
+            "Force over the rate of the fibre's stretch (muscle.force_velocity), its power, as table, CSV and plot.",
+        )
+    )
+)
 muscle.command("tissue")(
     ordering()(
         plainly(

@@ -29,6 +29,13 @@ def drive(order: Order) -> int:
     return examined(order, "drive", drive_finding, tissue=False)
 
 
+def velocity(order: Order) -> int:
+    """Force over velocity of a design's muscle."""
+    from fem_biobot.study.muscle_velocity import velocity_finding
+
+    return examined(order, "velocity", velocity_finding)
+
+
 def tissue(order: Order) -> int:
     """Width, section, tension and age of a design's tissue."""
     from fem_biobot.study.muscle_tissue import tissue_finding

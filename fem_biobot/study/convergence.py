@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fem_biobot.design import Design
+from fem_biobot.design_tissue import at_rest
 from fem_biobot.errors import DesignError, SolveError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
@@ -109,7 +110,8 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
     MeshError, SolveError
         A mesh that cannot be made; a state that is not found on any of three meshes.
     """
-    notes: list[str] = []
+    still = at_rest(design.muscle)
+    notes = [still] if still else []
     sizes = plan.falling(design)
     rows: list[dict[str, object]] = []
     finest: tuple[SolidState, str] | None = None

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fem_biobot.design import Design
+from fem_biobot.design_tissue import at_rest
 from fem_biobot.errors import ModelError
 from fem_biobot.link.camera import Camera, filmed
 from fem_biobot.link.crosscheck import QUANTITIES, CrossCheck, Row, Stiffness, crosscheck, curvature_rows
@@ -69,6 +70,7 @@ def told(
 
     With what a camera would say of both, by default one of 6 frames a second without noise.
     """
+    still = at_rest(found.design.muscle)
     rows = {stiffness: found.rows(stiffness) for stiffness in Stiffness}
     plain = rows[Stiffness.closed_form]
     judged = [row for row in plain if row.within is not None]
@@ -106,7 +108,7 @@ def told(
             ],
         },
         _draw(found, plain, figures),
-        [*notes, *found.notes, *unfilmed],
+        [*notes, *found.notes, *unfilmed, *([still] if still else [])],
         remarks,
         [both_view(found.design, found.levelled)] if views else [],
     )

@@ -16,6 +16,7 @@ from fem_biobot.study.muscle_fibres import fibres_finding
 from fem_biobot.study.muscle_orientation import orientation_finding
 from fem_biobot.study.muscle_oxygen import oxygen_finding
 from fem_biobot.study.muscle_tissue import tissue_finding
+from fem_biobot.study.muscle_velocity import velocity_finding
 from fem_biobot.study.outputs import figures_folder
 from fem_biobot.view.report import Table
 
@@ -73,6 +74,8 @@ def muscle_findings(design: Design, mesh: BodyMesh, folder: Path) -> MuscleFindi
         found["tissue"] = tissue_finding(design, figures)
     if design.muscle.oxygen is not None:
         found["oxygen"] = oxygen_finding(design, mesh, figures)
+    if design.muscle.force_velocity is not None:
+        found["velocity"] = velocity_finding(design, figures)
     merged = MuscleFindings()
     for subject, finding in found.items():
         write_series(folder, finding)

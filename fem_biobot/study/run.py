@@ -13,7 +13,7 @@ from typing import Any
 from fem_biobot.config import digest
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
-from fem_biobot.design_tissue import told
+from fem_biobot.design_tissue import at_rest, told
 from fem_biobot.errors import BiobotError, ModelError, SolveError
 from fem_biobot.files import write_json
 from fem_biobot.mesh.body import BodyMesh
@@ -142,8 +142,9 @@ class _Job:
 
     def do(self) -> dict[str, Any]:
         self.reporter.stage("mesh", 1)
-        if line := told(self.design.muscle):
-            self._note(line)
+        for line in (told(self.design.muscle), at_rest(self.design.muscle)):
+            if line:
+                self._note(line)
         mesh = self._timed("mesh", self._mesh)
         self.reporter.advance(f"{mesh.n_elements} elements, {mesh.n_unknowns} unknowns")
         if missing := pardiso_missing():

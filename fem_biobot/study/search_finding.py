@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fem_biobot.design import Design
+from fem_biobot.design_tissue import at_rest
 from fem_biobot.study.design_check import as_numbers, check_table, design_check
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
@@ -32,7 +33,8 @@ def search_finding(design: Design, plan: SearchPlan, figures: Path, reporter: Re
         named = dict(zip((r.key for r in plan.vary), chosen.values, strict=True))
         check = as_numbers(design_check(design.with_values(named)))
         tables.append(check_table(check))
-    notes = []
+    still = at_rest(design.muscle)
+    notes = [still] if still else []
     if plan.model is Model.solid:
         notes.append("a design of another shape has another mesh: numbers scatter by what the mesh does to them")
     return Finding(

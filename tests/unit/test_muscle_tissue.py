@@ -170,12 +170,14 @@ def test_the_command_and_the_run_tell_of_the_tissue(capsys: pytest.CaptureFixtur
     assert float(rows[2]["eq1_force_volume_mN"]) == pytest.approx(active * 0.4 * 14.0 / 1.58)
     days = list(csv.DictReader((out / "tables" / "tissue_day.csv").open()))
     assert [float(r["paper_passive_mN"]) for r in days] == [7.99, 8.38, 8.45]
-    design = load_design("junction_bot", [*SEEDED, "muscle.oxygen.consumption = 0.01 mM/s"])
+    design = load_design(
+        "junction_bot", [*SEEDED, "muscle.oxygen.consumption = 0.01 mM/s", "muscle.force_velocity.fastest = 5 1/s"]
+    )
     folder = tmp_path / "run"
     folder.mkdir()
     found = muscle_findings(design, read_mesh(ROOT / "meshes" / "junction_bot_small.msh"), folder)
-    assert list(found.numbers) == ["drive", "fibres", "tissue", "oxygen"]
-    assert len(found.figures) == 6
+    assert list(found.numbers) == ["drive", "fibres", "tissue", "oxygen", "velocity"]
+    assert len(found.figures) == 7
     assert all(file.is_file() for file, _ in found.figures)
     assert (folder / "tables" / "seeding.csv").is_file()
     assert (

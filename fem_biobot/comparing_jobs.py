@@ -101,10 +101,11 @@ def _on_a_mesh(
 ) -> dict[str, Any]:
     """Do a job on a design's mesh that ends in a finding, in a folder of its own, and show it; its summary."""
     from fem_biobot.config import load_design
-    from fem_biobot.design_checks import refuse_without_solid
+    from fem_biobot.design_checks import refuse_unbonded, refuse_without_solid
 
     design, size = load_design(order.design, order.sets), mesh_size(order.size)
     refuse_without_solid(design, verb)
+    refuse_unbonded(design, f"compare it ({verb})")
     folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_{subject}")
     refuse(design)  # other machines, before anything is meshed
 

@@ -82,6 +82,12 @@ def refuse_without_solid(design: Design, what: str) -> None:
         raise DesignError(f"kind: found walker, rods without a solid, expected a bot, strip or cantilever to {what}")
 
 
+def refuse_unbonded(design: Design, what: str) -> None:
+    """Refuse rings that slide on their pillars for `what` is done with bonded ones only."""
+    if design.muscle is not None and design.muscle.attachment != "bonded":
+        raise DesignError(f"muscle.attachment: found {design.muscle.attachment}, expected bonded to {what}")
+
+
 def refuse_without_muscle(design: Design, what: str, *, tissue: bool = True) -> None:
     """Refuse a machine without a muscle, or with `tissue` one whose muscles are rods without a volume."""
     if design.muscle is None and (tissue or design.walker is None):

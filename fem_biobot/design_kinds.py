@@ -102,6 +102,8 @@ Law = Literal[
 ]
 Layout = Literal["junction", "ring"]
 Reference = Literal["as_moulded", "remodelled"]
+Attachment = Literal["bonded", "contact"]
+OptionalCoefficient = Annotated[float | None, Quantity("1", 0.0)]
 GammaScales = Literal["both", "active"]
 Convention = Literal["nominal", "second_piola", "kirchhoff", "cauchy", "active_strain"]
 ForceLength = Literal["none", "blemker_2005", "gordon_1966"]

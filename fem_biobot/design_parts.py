@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field
 from fem_biobot.design_kinds import (
     AmplitudeBy,
     Angle,
+    Attachment,
     Coefficient,
     Concentration,
     Consumption,
@@ -37,6 +38,7 @@ from fem_biobot.design_kinds import (
     Modulus,
     NonNegativeTime,
     OdditySet,
+    OptionalCoefficient,
     OptionalCoordinate,
     OptionalDiffusivity,
     OptionalFrequency,
@@ -209,6 +211,16 @@ class Muscle(Record, frozen=True):
     ring_thickness: PartLength = Field(default=0.0, description="In-plane thickness of the ring around a pillar [mm]")
     ring_height: PartLength = Field(default=0.0, description="Extent of the ring along z [mm]")
     ring_offset: Coordinate = Field(default=0.0, description="z of the ring's mid-plane minus the junction's [mm]")
+    attachment: Attachment = Field(
+        default="bonded",
+        description="bonded: tissue grown onto its pillars; contact: rings lie on them, press, lift off and slide",
+    )
+    pillar_friction: OptionalCoefficient = Field(
+        default=None, description="contact: Coulomb coefficient between ring and pillar, 0 if left out [1]"
+    )
+    pillar_axial_friction: OptionalCoefficient = Field(
+        default=None, description="contact: that against sliding along the pillar; pillar_friction if left out [1]"
+    )
     reference: Reference = Field(
         default="as_moulded",
         description="as_moulded: stress-free at pillar spacing; remodelled: stress-free in the passive shape",

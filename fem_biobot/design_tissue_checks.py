@@ -17,6 +17,7 @@ def check_tissue(design: Design) -> None:
     """Refuse laws with parameters of others, and ways of stating tension, fibres and oxygen that exclude each other."""
     _check_laws(design)
     _check_tension(design)
+    _check_attachment(design)
     _check_oxygen(design)
     _check_activation(design)
 
@@ -65,6 +66,38 @@ def _check_tension(design: Design) -> None:
     if muscle.convention == "active_strain" and any(extras.values()):
         key = next(name for name, given in extras.items() if given)
         raise DesignError(f"muscle.{key}: found with muscle.convention active_strain, expected it with a tension only")
+
+
+def _check_attachment(design: Design) -> None:
+    """Friction for rings that slide, and what these do not go with."""
+    muscle = design.muscle
+    if muscle is None:
+        return
+    frictions = ("pillar_friction", "pillar_axial_friction")
+    if muscle.attachment == "bonded":
+        for name in frictions:
+            if (value := getattr(muscle, name)) is not None:
+                raise DesignError(
+                    f"muscle.{name}: found {value:g} with muscle.attachment bonded, expected none, or contact"
+                )
+        return
+    if design.kind != "bot":
+        raise DesignError(f"muscle.attachment: found contact with kind {design.kind}, expected bonded without pillars")
+    if muscle.pillar_friction is None:
+        raise DesignError("muscle.pillar_friction: missing, expected a number for muscle.attachment contact")
+    if muscle.reference != "as_moulded":
+        raise DesignError(
+            f"muscle.reference: found {muscle.reference} with muscle.attachment contact, expected as_moulded"
+        )
+    if design.mesh.element == "P2-P1":
+        raise DesignError("mesh.element: found P2-P1 with muscle.attachment contact, expected P2 or P1")
+    axial = muscle.pillar_friction if muscle.pillar_axial_friction is None else muscle.pillar_axial_friction
+    if axial == 0.0:
+        name = frictions[muscle.pillar_axial_friction is not None]
+        raise DesignError(
+            f"muscle.{name}: found 0, with which nothing keeps the rings from sliding off their pillars, expected "
+            "above 0, or muscle.pillar_axial_friction above 0 for rings without friction around the pillars only"
+        )
 
 
 def _check_activation(design: Design) -> None:

@@ -38,10 +38,12 @@ def influence(state: SolidState, gradient: Array) -> Array:
     Raises
     ------
     ModelError
-        A mixed form, or forces without a potential.
+        Parts that slide on each other, a mixed form, or forces without a potential.
     """
     model = state.model
     system = model.system
+    if model.sliding is not None:
+        raise ModelError("influence: found parts that slide on each other, expected all parts bonded")
     if system.mixed is not None or not system.symmetric:
         what = "element P2-P1" if system.mixed is not None else "a law or a load without a potential"
         raise ModelError(f"influence: found {what}, expected displacements alone and forces with a potential")

@@ -17,9 +17,11 @@ from fem_biobot.material.law import Array, Law
 from fem_biobot.material.laws import law_from
 from fem_biobot.material.natural_state import NaturalState, isochoric_contraction
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.unbonded import unbonded
 from fem_biobot.muscle.activation import activation_of
 from fem_biobot.muscle.fibres import fibre_field, in_junction, piecewise_fibres
 from fem_biobot.muscle.oxygenation import viable_share
+from fem_biobot.solid.interface.record import Sliding
 from fem_biobot.solid.model import SolidModel
 from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.records import BodyForce, Fix, Step, Traction
@@ -33,9 +35,11 @@ def model_from_design(design: Design, mesh: BodyMesh, pulling: Array | None = No
     A tension factor of 1 is the tension at full drive, ``design.tension(drive.amplitude)``, or 1 kPa where the design
     has none. Bots are held on three points against the six rigid motions, which carries no force; a strip stands on
     its minus end, free to slide and narrow in that plane (which holds the shear of oblique fibres there); a cantilever
-    is clamped. Planar spread of fibres is in the x-y plane.
+    is clamped. Rings that are not bonded (muscle.attachment) lie on the pillars, on nodes of their own. Planar spread
+    of fibres is in the x-y plane.
     """
     refuse_without_solid(design, "solve")
+    muscle = design.muscle
     materials: dict[str, Law] = {}
     active: dict[str, ActiveStress] = {}
     for region in ("skeleton", "muscle"):
@@ -55,7 +59,11 @@ def model_from_design(design: Design, mesh: BodyMesh, pulling: Array | None = No
     if design.kind == "cantilever" and design.skeleton is not None and design.load is not None:
         area = design.skeleton.beam_width * design.skeleton.beam_thickness
         loads.append(Traction("tip", (0.0, 0.0, design.load.tip_force / area)))
-    return SolidModel(mesh, materials, active, supports(design, mesh), loads, element=design.mesh.element)
+    held, sliding = supports(design, mesh), None
+    if muscle is not None and muscle.attachment == "contact":
+        mesh = unbonded(mesh)
+        sliding = Sliding(friction=muscle.pillar_friction or 0.0, axial_friction=muscle.pillar_axial_friction)
+    return SolidModel(mesh, materials, active, held, loads, element=design.mesh.element, sliding=sliding)
 
 
 def newton_settings(design: Design) -> NewtonSettings:

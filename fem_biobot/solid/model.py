@@ -21,6 +21,8 @@ from fem_biobot.material.law import Array, Law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.assembly import assemble_system, with_laws
 from fem_biobot.solid.failure import advice, concerned, told
+from fem_biobot.solid.interface.equilibrium import Slide
+from fem_biobot.solid.interface.record import Sliding
 from fem_biobot.solid.newton import Counts, Equilibrium, NewtonSettings, StepSolver, Trial
 from fem_biobot.solid.path import PathFailedError, equilibria
 from fem_biobot.solid.records import Load, Step, Support, as_step
@@ -55,6 +57,8 @@ class SolidModel:
         See `Element`.
     quadrature_degree
         See `solid.space.space`.
+    sliding
+        Contact of two surfaces of parts that are not bonded, for the quasi-static path (`solve`).
 
     Raises
     ------
@@ -75,6 +79,7 @@ class SolidModel:
     loads: Sequence[Load] = ()
     element: Element | str = Element.P2
     quadrature_degree: int | None = None
+    sliding: Sliding | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "supports", tuple(self.supports))
@@ -92,6 +97,11 @@ class SolidModel:
         return model_from_design(design, mesh)
 
     @cached_property
+    def slide(self) -> Slide | None:
+        """What solves the steps where parts slide on each other; None where all is bonded."""
+        return None if self.sliding is None else Slide(self.system, self.mesh, self.sliding)
+
+    @cached_property
     def system(self) -> System:
         """The discrete equations, made once."""
         return assemble_system(
@@ -102,6 +112,8 @@ class SolidModel:
         """The same model with other passive laws; the discrete space and its sparsity are shared, not made again."""
         if set(materials) != set(self.materials):
             raise ModelError(f"materials: found {', '.join(materials)}, expected {', '.join(self.materials)}")
+        if self.sliding is not None:
+            raise ModelError("materials: found others for parts that slide on each other, expected a new model")
         changed = copy(self)
         object.__setattr__(changed, "materials", dict(materials))
         ordered = {name: materials[name] for name in self.materials}
@@ -222,19 +234,22 @@ def solve(
 
     def finished() -> SolidSolution:
         c = solver.counts.since(before)
-        return SolidSolution(tuple(states), c.factorisations, c.newton, c.cg, solver.name, halvings)
+        name = solver.name if model.slide is None else model.slide.name
+        return SolidSolution(tuple(states), c.factorisations, c.newton, c.cg, name, halvings)
 
     history = [equilibrium_of(s) for s in start]
     first = None if trial is None else Trial(np.ascontiguousarray(trial[0].T), *trial[1:])
     try:
-        for state, work in equilibria(system, solver, wanted, settings, watch, history, first):
+        for state, work in equilibria(system, solver, wanted, settings, watch, history, first, model.slide):
             states.append(_state(model, state, work))
             if on_state:
                 on_state(states[-1])
     except PathFailedError as failure:
         element = concerned(system, failure)
         at = failure.failed_at if failure.failure.unstable and failure.failed_at != failure.last.step else None
-        lost, best = lost_stability(system, solver, failure.last, at), failure.failure.best
+        # stability of bodies that contact alone holds is not asked for
+        lost = None if model.sliding is not None else lost_stability(system, solver, failure.last, at)
+        best = failure.failure.best
         raise SolveError(
             advice(failure, model.mesh, element, lost),
             finished(),
@@ -271,6 +286,8 @@ def buckling(state: SolidState, toward: float | Mapping[str, float] | Step) -> B
     changes linearly, as for a slender column, and the better the nearer the equilibrium is to the critical point.
     """
     model = state.model
+    if model.sliding is not None:
+        raise ModelError("buckling: found parts that slide on each other, expected all parts bonded")
     there = checked_step(model.system, as_step(toward))
     return critical(model.system, direct_solver(model), equilibrium_of(state), there)
 
@@ -297,6 +314,7 @@ def _state(model: SolidModel, found: Equilibrium, work: Counts) -> SolidState:
         work.factorisations,
         work.cg,
         found.p if model.system.mixed else None,
+        touch=found.touch,
     )
 
 
@@ -310,5 +328,12 @@ def equilibrium_of(state: SolidState) -> Equilibrium:
     system = state.model.system
     p = np.zeros(system.n_pressures) if state.pressure is None else state.pressure
     return Equilibrium(
-        state.step, np.ascontiguousarray(state.u.T), p, state.points, state.internal_force.T, state.residual, 0
+        state.step,
+        np.ascontiguousarray(state.u.T),
+        p,
+        state.points,
+        state.internal_force.T,
+        state.residual,
+        0,
+        state.touch,
     )

@@ -65,7 +65,8 @@ def modes(state: SolidState, densities: Mapping[str, float], count: int = 6, *, 
     Raises
     ------
     ModelError
-        A state out of balance, laws or loads without a potential, more modes than the body has.
+        Parts that slide on each other, a state out of balance, laws or loads without a potential, more modes than the
+        body has.
 
     Notes
     -----
@@ -76,6 +77,8 @@ def modes(state: SolidState, densities: Mapping[str, float], count: int = 6, *, 
     system, mesh = state.model.system, state.model.mesh
     if not isinstance(count, int | np.integer) or count < 1:
         raise ModelError(f"count: found {count!r}, expected at least 1")
+    if state.model.sliding is not None:
+        raise ModelError("modes: found parts that slide on each other, expected all parts bonded")
     if not system.symmetric:
         raise ModelError("modes: found a law or a pressure without a potential, expected all forces to have one")
     _refuse_unbalanced(state, free)

@@ -17,6 +17,7 @@ import numpy as np
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array, OutsideLawError
+from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.linear import NotPositiveDefiniteError
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.step_failed import Iterate, StepFailedError, Why
@@ -118,7 +119,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A converged state of the discrete equations."""
+    """A converged state of the discrete equations; `touch` is that of a sliding contact."""
 
     step: Step
     u: Array
@@ -127,6 +128,7 @@ class Equilibrium:
     force: Array
     residual: float
     newton_iterations: int
+    touch: Touch | None = None
 
 
 class Trial(NamedTuple):

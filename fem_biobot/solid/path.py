@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -32,12 +33,29 @@ _HALVINGS, _FAILURES = 8, 16
 # longest rise of the active tension in one step, as a share of three times the tissue's shear modulus: about the
 # contraction that a linear step still brings near enough, whatever the mesh
 _LONGEST_RISE = 0.36
+# the same where parts slide on each other: slip in a step is taken to be straight
+_LONGEST_SLIDING_RISE = 0.1
 # largest prescribed rotation in one step [rad]: what is held moves along chords in the first iteration
 _LONGEST_TURN = 0.3
 # states met only on the way need not be exact
 _ON_THE_WAY = 1e-5
 # a predictor may reach this many times the last interval before it loses an order
 _REACH = 2.0
+
+
+class Finder(Protocol):
+    """Solves steps in place of `newton`, where parts slide on each other; see `solid.interface.equilibrium`."""
+
+    def find(
+        self,
+        counts: Counts,
+        step: Step,
+        trial: Trial,
+        last: Equilibrium,
+        scale: float,
+        settings: NewtonSettings,
+        observe: Observer,
+    ) -> tuple[Equilibrium, float]: ...
 
 
 class PathFailedError(Exception):
@@ -59,6 +77,7 @@ def equilibria(
     observe: Observer,
     start: list[Equilibrium] | None = None,
     trial: Trial | None = None,
+    finder: Finder | None = None,
 ) -> Iterator[tuple[Equilibrium, Counts]]:
     """Yield the equilibrium of every step asked for, with the work it took (intermediate steps included).
 
@@ -68,23 +87,28 @@ def equilibria(
         States to go on from, latest last; by default the undeformed body without load.
     trial
         Where the first step begins; that step is neither subdivided nor halved.
+    finder
+        Solves the steps where parts slide on each other; stability is not asked for then.
     """
     history = list(start) if start else [_rest(system, steps[0].time if steps else 0.0)]
     scale = 0.0
     rough = replace(settings, tolerance=max(settings.tolerance, _ON_THE_WAY))
     for target in steps:
         before = solver.counts.copy()
-        goals = [target] if trial else _subdivided(system, history[-1].step, target)
+        goals = [target] if trial else _subdivided(system, history[-1].step, target, sliding=finder is not None)
         halved = [0] * len(goals)  # how often the way to each goal was halved
         failures = 0
         while goals:
             goal = goals[-1]
             try:
                 begin = trial or _predict(system, history, goal)
-                exact = settings if len(goals) == 1 else rough
-                state, scale = newton(system, solver, goal, begin, scale, exact, observe)
-                if settings.check_stability:
-                    refuse_unstable(system, solver, state)
+                if finder is not None:  # what follows hangs on every state met on the way
+                    state, scale = finder.find(solver.counts, goal, begin, history[-1], scale, settings, observe)
+                else:
+                    exact = settings if len(goals) == 1 else rough
+                    state, scale = newton(system, solver, goal, begin, scale, exact, observe)
+                    if settings.check_stability:
+                        refuse_unstable(system, solver, state)
             except StepFailedError as failure:
                 failures += 1
                 halved[-1] += 1
@@ -103,9 +127,10 @@ def equilibria(
         yield history[-1], solver.counts.since(before)
 
 
-def _subdivided(system: System, here: Step, target: Step) -> list[Step]:
+def _subdivided(system: System, here: Step, target: Step, *, sliding: bool) -> list[Step]:
     """The target preceded by as many equal steps (latest first) as rising tension and turning surfaces ask for."""
-    rises = [c.rise_between(here, target) / _LONGEST_RISE for c in system.contractions]
+    longest = _LONGEST_SLIDING_RISE if sliding else _LONGEST_RISE
+    rises = [c.rise_between(here, target) / longest for c in system.contractions]
     turns = [
         abs((target.load_on(name) - here.load_on(name)) * angle) / _LONGEST_TURN
         for name, angle in system.held.prescribed.rotations

@@ -14,6 +14,7 @@ from fem_biobot.material.force_velocity import Straining
 from fem_biobot.material.law import Array
 from fem_biobot.solid.dynamics.strain import green_lagrange, strain_change
 from fem_biobot.solid.held import place_nodes
+from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.records import Step, numbers
 from fem_biobot.solid.space import Ints
 from fem_biobot.solid.system import Points, System
@@ -42,6 +43,8 @@ class SolidState:
         Work from the state before to this one, halved steps included.
     velocity
         Of the nodes, (3, n) [mm/s], for tension that depends on the rate of the fibre's stretch; at rest by default.
+    touch
+        State of the sliding contact, where the model has one.
     """
 
     model: SolidModel
@@ -53,6 +56,7 @@ class SolidState:
     cg_iterations: int = 0
     pressure: Array | None = None
     velocity: Array | None = None
+    touch: Touch | None = None
 
     @property
     def X(self) -> Array:

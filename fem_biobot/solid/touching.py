@@ -11,8 +11,17 @@ from scipy.spatial import KDTree
 
 from fem_biobot.material.law import Array
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.solid.model import SolidModel
 
 Ints = NDArray[np.int64]
+
+
+def in_contact(model: SolidModel) -> Ints:
+    """Vertices of surfaces whose contact the model solves itself; none where all parts are bonded."""
+    if model.sliding is None:
+        return np.zeros(0, dtype=np.int64)
+    surfaces = model.mesh.surfaces
+    return np.unique(np.concatenate([surfaces[model.sliding.bearing], surfaces[model.sliding.body]], axis=1))
 
 
 def interpenetration(mesh: BodyMesh, u: Array) -> tuple[Ints, Ints]:
@@ -58,8 +67,11 @@ def interpenetration(mesh: BodyMesh, u: Array) -> tuple[Ints, Ints]:
     return candidates[inside], elements[which[inside]]
 
 
-def touching_parts(mesh: BodyMesh, u: Array) -> str:
-    """Which parts touch, in words such as "muscle against muscle at 4 vertices near x = -2.8 mm"; empty if none do."""
+def touching_parts(mesh: BodyMesh, u: Array, allowed: Ints | None = None) -> str:
+    """Which parts touch, in words such as "muscle against muscle at 4 vertices near x = -2.8 mm"; empty if none do.
+
+    `allowed` are vertices whose contact with another region is none of our affair (see `in_contact`).
+    """
     vertices, elements = interpenetration(mesh, u)
     if not vertices.size:
         return ""
@@ -68,6 +80,11 @@ def touching_parts(mesh: BodyMesh, u: Array) -> str:
     belongs = np.zeros(mesh.points.shape[1], dtype=np.int64)
     for k in range(len(names)):
         belongs[mesh.cells[:, region_of == k]] = k
+    if allowed is not None:
+        foreign = ~(np.isin(vertices, allowed) & (belongs[vertices] != region_of[elements]))
+        vertices, elements = vertices[foreign], elements[foreign]
+        if not vertices.size:
+            return ""
     pairs = sorted(
         {
             " against ".join(sorted((names[belongs[v]], names[region_of[e]])))

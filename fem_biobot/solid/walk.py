@@ -34,6 +34,7 @@ def refuse_unwalkable(design: Design) -> None:
     refused = {
         "mesh.element": ("P2-P1", "P2 (pressures do not move yet)"),
         "muscle.convention": ("cauchy", "a convention with an energy for a solid that walks"),
+        "muscle.attachment": ("contact", "bonded for a solid that walks"),
         "muscle.reference": ("remodelled", "as_moulded for a solid that walks"),
     }
     for key, (bad, expected) in refused.items():

@@ -20,6 +20,7 @@ from fem_biobot.config import content_of, named_files, to_toml
 from fem_biobot.design import Design
 from fem_biobot.errors import FileError
 from fem_biobot.files import file_error, replacing, write_bytes, write_json, write_text
+from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.records import Step
 from fem_biobot.study.plan import Found
 from fem_biobot.study.reporter import Reporter
@@ -64,6 +65,7 @@ class Saved:
     natural_stretch: float
     work: dict[str, float]
     pressure: np.ndarray | None
+    touch: Touch | None
 
 
 @dataclass(frozen=True)
@@ -221,6 +223,7 @@ class ResultFolder:
                 "natural_stretch": found.natural_stretch,
                 "work": [s.residual, s.newton_iterations, s.factorisations, s.cg_iterations],
                 **({} if s.pressure is None else {"pressure": s.pressure}),
+                **({} if s.touch is None else {f"touch_{name}": v for name, v in s.touch._asdict().items()}),
             },
         )
 
@@ -234,7 +237,8 @@ class ResultFolder:
             residual, newton, factorisations, cg = map(float, data["work"])
             work = {"residual": residual, "newton": newton, "factorisations": factorisations, "cg": cg}
             pressure = data.get("pressure")
-            return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work, pressure)
+            touch = Touch(*(data[f"touch_{name}"] for name in Touch._fields)) if "touch_traction" in data else None
+            return Saved(data["u"], Step(load, tension), float(data["natural_stretch"]), work, pressure, touch)
         except (ValueError, KeyError) as error:
             raise self._unreadable(self.unfinished / f"{key}.npz", error) from None
 

@@ -15,6 +15,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import SolveError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.from_design import newton_settings, remodelled, tension_step, tension_unit
+from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidState, linear_solver, solve
 from fem_biobot.solid.newton import NewtonSettings
@@ -84,13 +85,18 @@ def wanted_states(design: Design) -> list[Wanted]:
             Wanted("passive", f"passive, {passive:.4g} kPa", tension=passive),
             Wanted("peak", f"stimulated, {peak:.4g} kPa", tension=peak),
         ]
-    if design.muscle is not None and design.muscle.layout == "ring":
-        forces = []
+    sliding = design.muscle is not None and design.muscle.attachment == "contact"
+    if design.muscle is not None and (sliding or design.muscle.layout == "ring"):
+        forces = []  # with friction a state hangs on its path, which trials of a tension would bend back and forth
     else:
         forces = [
             Wanted(f"force_{force:g}".replace(".", "p"), f"{force:g} mN of muscle force", tension=None, force=force)
             for force, _ in SIMULATED_FORCE_TO_DEFLECTION
         ]
+    remodelled = [
+        Wanted("remodelled_passive", f"remodelled, passive, {passive:.4g} kPa", "remodelled", passive),
+        Wanted("remodelled_peak", f"remodelled, stimulated, {peak:.4g} kPa", "remodelled", peak),
+    ]
     return [
         Wanted("rest", "at rest", tension=rest),
         *forces,
@@ -98,8 +104,7 @@ def wanted_states(design: Design) -> list[Wanted]:
         Wanted("passive", f"passive, {passive:.4g} kPa", tension=passive),
         Wanted("half", f"half drive, {half:.4g} kPa", tension=half),
         Wanted("peak", f"stimulated, {peak:.4g} kPa", tension=peak),
-        Wanted("remodelled_passive", f"remodelled, passive, {passive:.4g} kPa", "remodelled", passive),
-        Wanted("remodelled_peak", f"remodelled, stimulated, {peak:.4g} kPa", "remodelled", peak),
+        *([] if sliding else remodelled),
     ]
 
 
@@ -145,13 +150,14 @@ class Solver:
         natural_stretch: float,
         work: dict[str, float],
         pressure: np.ndarray | None = None,
+        touch: Touch | None = None,
     ) -> Found:
         """Rebuild a saved state on this solver's models."""
         if wanted.reference == "remodelled" and self.natural_stretch != natural_stretch:
             self.model = remodelled(self.moulded, self.design, natural_stretch)
             self.history = []
         counts = int(work["newton"]), int(work["factorisations"]), int(work["cg"])
-        state = SolidState(self.model, step, u, work["residual"], *counts, pressure)
+        state = SolidState(self.model, step, u, work["residual"], *counts, pressure, touch=touch)
         found = Found(wanted, state, natural_stretch)
         self.adopt(found)
         return found

@@ -218,6 +218,8 @@ def walks_of(
 ) -> Iterator[Walk]:
     """The walks of a plan one by one, each stroke kept in the folder, from where an earlier try stopped."""
     compile_kernels(reporter)
+    if design.muscle is not None and design.muscle.attachment != "bonded":
+        note("walking: rods keep the muscle bonded to its pillars (muscle.attachment contact is the solid's)")
     model, ground = reduce(design), ground_of(design)
     place = "in air" if design.ground.immersion == "air" else "submerged"
     stood = None

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from fem_biobot.errors import FileError
+from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.records import Step
 from fem_biobot.study.folder import ResultFolder
 
 JOB = {"kind": "run", "design_digest": "aaaa", "mesh": "generated"}
+TOUCH = Touch(np.eye(3), np.array([0, 2, 1]), 0.1 * np.eye(3), np.array([4, -1]), np.ones((2, 3)))
 
 
 def found(key: str, u: np.ndarray) -> SimpleNamespace:
@@ -25,6 +27,7 @@ def found(key: str, u: np.ndarray) -> SimpleNamespace:
         factorisations=2,
         cg_iterations=17,
         pressure=None if key == "passive" else u[0],
+        touch=None if key == "passive" else TOUCH,
     )
     return SimpleNamespace(wanted=SimpleNamespace(key=key), state=state, natural_stretch=0.83)
 
@@ -32,7 +35,8 @@ def found(key: str, u: np.ndarray) -> SimpleNamespace:
 def test_a_saved_state_reads_back_exactly(tmp_path: Path) -> None:
     """What was saved comes back bit for bit, with its step and its work.
 
-    Catches: saving in single precision, swapping load and tension, a mixed state without its pressures.
+    Catches: saving in single precision, swapping load and tension, a mixed state without its pressures, a sliding
+    one without its contact.
     """
     folder = ResultFolder(tmp_path / "out", JOB)
     folder.open()
@@ -45,12 +49,17 @@ def test_a_saved_state_reads_back_exactly(tmp_path: Path) -> None:
     assert saved.natural_stretch == 0.83
     assert saved.work == {"residual": 3e-11, "newton": 4.0, "factorisations": 2.0, "cg": 17.0}
     assert saved.pressure is None
+    assert saved.touch is None
     assert folder.saved("peak") is None
     folder.save(found("peak", u))  # type: ignore[arg-type]
     mixed = folder.saved("peak")
     assert mixed is not None
     assert mixed.pressure is not None
     assert np.array_equal(mixed.pressure, u[0])
+    assert mixed.touch is not None
+    for ours, theirs in zip(mixed.touch, TOUCH, strict=True):
+        assert np.array_equal(ours, theirs)
+        assert ours.dtype == theirs.dtype
 
 
 def test_a_whole_result_is_found_again_and_an_unfinished_one_is_not(tmp_path: Path) -> None:

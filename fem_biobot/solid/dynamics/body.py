@@ -95,9 +95,12 @@ def moving_body(
     Raises
     ------
     ModelError
-        A pressure field, forces without a potential, densities or numbers that do not fit.
+        Parts that slide on each other, a pressure field, forces without a potential, densities or numbers that do not
+        fit.
     """
     system = model.system
+    if model.sliding is not None:
+        raise ModelError("solid_dynamics: found parts that slide on each other, expected all parts bonded")
     if system.mixed is not None:
         raise ModelError(f"solid_dynamics: found element {model.element}, expected P2 or P1: pressures do not move yet")
     if not system.symmetric:

@@ -1,0 +1,252 @@
+"""One load step of a body whose parts slide on each other: Newton's method on displacements and tractions together.
+
+Coulomb's law stands in the equations as its natural map (Alart and Curnier 1991), which vanishes where the law holds;
+semismooth Newton finds equilibrium, contact zone, stick and slip at once. Which points lie opposite to each other is
+kept during the iteration, found anew when it has ended, and so on until nothing changes. Tractions at the end of a step
+oppose the slip within it (backward Euler).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from fem_biobot.errors import ModelError
+from fem_biobot.material.law import Array, OutsideLawError
+from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.solid.interface import kernels
+from fem_biobot.solid.interface.record import Sliding
+from fem_biobot.solid.interface.saddle import Saddle
+from fem_biobot.solid.interface.state import Touch
+from fem_biobot.solid.interface.surface import surfaces_of
+from fem_biobot.solid.interface.touch import Contact, Pairing, Terms
+from fem_biobot.solid.linear import NotPositiveDefiniteError
+from fem_biobot.solid.newton import Counts, Equilibrium, NewtonSettings, Observer, Trial
+from fem_biobot.solid.records import Step
+from fem_biobot.solid.space import Ints
+from fem_biobot.solid.step_failed import Iterate, StepFailedError, Why
+from fem_biobot.solid.system import InvertedError, Points, System
+
+# points nearer than this begin in contact, and gaps and slips are not met better than that, relative to the body's size
+_TOUCHING, _ROUNDING = 1e-9, 1e-14
+# steadies iterations in proportion to what is still missed
+_CALM = 0.1
+# Newton iterations, and searches for opposite points, in a step
+_ITERATIONS, _PAIRINGS = 30, 8
+
+
+class Slide:
+    """Solves steps of one model with a sliding contact."""
+
+    def __init__(self, system: System, mesh: BodyMesh, sliding: Sliding) -> None:
+        """Refuses pressures, and nodes of the surfaces that are held in axes of their own, with `ModelError`."""
+        if system.mixed is not None:
+            raise ModelError("element: found P2-P1 with a sliding contact, expected P2 or P1")
+        self.system = system
+        surfaces = surfaces_of(mesh, system.space, sliding)
+        nodes = np.unique(np.concatenate([surfaces.nodes.ravel(), surfaces.other.ravel()]))
+        if system.turned.size and np.any(system.turned[nodes] >= 0):
+            raise ModelError("sliding: found nodes held along axes of their own, expected free or held along x, y, z")
+        self.contact = Contact(surfaces, sliding, np.ascontiguousarray(system.space.points.T))
+        self.afloat = _joined(system.space.nodes, np.unique(surfaces.other))
+        self.element = float(np.sqrt(surfaces.weights.sum() / len(surfaces.weights)))
+        self.size = float(np.ptp(system.space.points, axis=1).max())
+        self.name = "PARDISO or SuperLU, unsymmetric, displacements and tractions"
+        self._saddle: Saddle | None = None
+
+    def find(
+        self,
+        counts: Counts,
+        step: Step,
+        trial: Trial,
+        last: Equilibrium,
+        scale: float,
+        settings: NewtonSettings,
+        observe: Observer,
+    ) -> tuple[Equilibrium, float]:
+        """Equilibrium at `step` from a trial, after the state `last`, and the largest force scale met [mN].
+
+        Raises
+        ------
+        StepFailedError
+            No convergence, an inverted element, or a singular matrix.
+        """
+        before = last.touch if isinstance(last.touch, Touch) else self.contact.begun()
+        iterate = _Iterate(trial.u.copy(), trial.S, before.traction.copy(), scale)
+        pairing = self.contact.paired(iterate.u, before)
+        done = 0
+        for _ in range(_PAIRINGS):
+            found, done = self._newton(iterate, pairing, step, counts, settings, observe, done)
+            again = self.contact.paired(found.u, before, found.pairing)
+            same = np.array_equal(again.point, pairing.point) and np.array_equal(again.facet, found.pairing.facet)
+            pairing = again
+            iterate = _Iterate(found.u, found.points.S, found.traction, found.scale)
+            if same:
+                touch = self.contact.touch(found.traction, found.state, found.gaps, found.pairing)
+                share, p = found.residual / found.scale if found.scale else 0.0, np.zeros(0)
+                return Equilibrium(step, found.u, p, found.points, found.force, share, done, touch), found.scale
+        text = f"contact points found other facets opposite to them {_PAIRINGS} times"
+        raise StepFailedError(text, Why.iterations, iteration=done)
+
+    def _newton(
+        self,
+        begin: _Iterate,
+        pairing: Pairing,
+        step: Step,
+        counts: Counts,
+        settings: NewtonSettings,
+        observe: Observer,
+        done: int,
+    ) -> tuple[_Found, int]:
+        system, held = self.system, self.system.held
+        u, traction, scale = begin.u, begin.traction.copy(), begin.scale
+        traction[pairing.cover == 0.0] = 0.0
+        points = self._points(u, step, done)
+        S_geo = points.S if begin.S is None else begin.S
+        lift = held.at(step) - system.to_local(u).ravel()[held.dofs]
+        lifting = bool(np.any(np.abs(lift) > 0.0))
+        best = None
+        norm = worst = np.inf
+        free = np.zeros(system.n_dofs)
+        self._saddle = None
+        for iteration in range(_ITERATIONS + 1):
+            pairing, lost = self.contact.moved(u, pairing)
+            if lost:
+                raise StepFailedError(
+                    f"{lost} contact points slid off their facets within the step", Why.diverged, iteration=done
+                )
+            terms = self.contact.terms(u, traction, pairing)
+            force, magnitude = system.internal_force(points)
+            f_ext = system.external_force(u, step)
+            free = system.to_local(force - f_ext - terms.force).ravel()
+            free[held.dofs] = 0.0
+            scale = max(scale, float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
+            norm = float(np.linalg.norm(free))
+            data = system.matrix(points, S_geo, u, step)
+            stiffness = self._stiffness(data)
+            miss, slope, state = self._law(terms, traction, pairing, stiffness)
+            if iteration == 0 and not np.any(traction):
+                # where nothing presses yet, what touches is guessed to stick
+                slope[(state > 0) & (self.contact.radii.max(axis=1) > 0.0)] = np.eye(3)
+            worst = float(np.abs(miss).max(initial=0.0))
+            observe("iteration", {"iteration": done, "residual": norm / scale if scale else 0.0})
+            if not np.isfinite(norm) or not np.isfinite(worst):
+                raise StepFailedError("the residual is not a number", Why.no_number, iteration=done, best=best)
+            best = best if lifting else Iterate(u.copy(), np.zeros(0), norm / scale if scale else 0.0)
+            least = 4.0 * system.rounding_force
+            if (
+                norm <= max(settings.tolerance * scale, least)
+                and worst <= max(settings.tolerance, _ROUNDING) * self.size
+                and not lifting
+            ):
+                return _Found(u, traction, points, force, terms.gaps, state, pairing, norm, scale), done
+            if iteration == _ITERATIONS:
+                break
+            if lifting:
+                full = np.zeros(system.n_dofs)
+                full[held.dofs] = lift
+                free = free + system.product(data, full)
+                free[held.dofs] = 0.0
+            system.block(data)
+            calm = _CALM * max(norm / scale if scale else 0.0, worst / self.element)
+            change, by = self._solved(data, terms, slope, miss, free, pairing, stiffness, calm, done)
+            counts.newton += 1
+            counts.factorisations += 1
+            if lifting:
+                local = system.to_local(change).copy()
+                local.reshape(-1)[held.dofs] = lift
+                change = system.to_global(local)
+                lifting = False
+            u = u + change
+            traction = traction + by
+            done += 1
+            F = self.system.deformation_gradient(u)
+            S_geo = system.carry(points, F, np.zeros(0))
+            points = self._points(u, step, done, F)
+        share = norm / scale if scale else 0.0
+        text = (
+            f"no convergence in {_ITERATIONS} iterations (residual {share:.2g} of the force scale, contact missed by "
+            f"{worst:.2g} mm)"
+        )
+        raise StepFailedError(text, Why.iterations, element=system.loudest(free), iteration=done, best=best)
+
+    def _law(self, terms: Terms, traction: Array, pairing: Pairing, stiffness: float) -> tuple[Array, Array, Ints]:
+        c = self.contact.count
+        miss, slope, state = np.zeros((c, 3)), np.zeros((c, 3, 3)), np.zeros(c, dtype=np.int64)
+        share = stiffness / np.where(pairing.cover > 0.0, pairing.cover, np.inf)
+        share[share == 0.0] = stiffness
+        nearly = _TOUCHING * self.size
+        kernels.coulomb(traction, terms.gaps, share, self.contact.radii, nearly, miss, slope, state)
+        away = pairing.cover == 0.0
+        miss[away], slope[away], state[away] = 0.0, 0.0, 0
+        return miss, slope, state
+
+    def _stiffness(self, data: Array) -> float:
+        """Of a node of the body at the contact [mN/mm]."""
+        even = data if data.ndim == 1 else data[0]
+        dofs = (3 * np.unique(self.contact.surfaces.other)[:, None] + np.arange(3)).ravel()
+        return float(np.abs(even[self.system.pattern.starts[dofs]]).mean())
+
+    def _solved(
+        self,
+        data: Array,
+        terms: Terms,
+        slope: Array,
+        miss: Array,
+        free: Array,
+        pairing: Pairing,
+        stiffness: float,
+        calm: float,
+        done: int,
+    ) -> tuple[Array, Array]:
+        if self._saddle is None:
+            self._saddle = Saddle(self.system, pairing, self.afloat)
+        try:
+            self._saddle.factor(data, terms, slope, stiffness, calm)
+        except NotPositiveDefiniteError:
+            raise StepFailedError("the matrix of the step is singular", Why.indefinite, iteration=done) from None
+        return self._saddle.solve(free, miss, stiffness)
+
+    def _points(self, u: Array, step: Step, iteration: int, F: Array | None = None) -> Points:
+        try:
+            return self.system.points(self.system.deformation_gradient(u) if F is None else F, step)
+        except InvertedError as error:
+            text = f"an element is inverted (det F = {error.J:.3g})"
+            raise StepFailedError(text, Why.inverted, element=error.element, iteration=iteration) from None
+        except OutsideLawError as error:
+            raise StepFailedError(str(error), Why.outside_law, element=error.element, iteration=iteration) from None
+
+
+class _Iterate(NamedTuple):
+    """Where an iteration begins: displacement, stress of the geometric part, tractions, scale."""
+
+    u: Array
+    S: Array | None
+    traction: Array
+    scale: float
+
+
+class _Found(NamedTuple):
+    """Where an iteration ended."""
+
+    u: Array
+    traction: Array
+    points: Points
+    force: Array
+    gaps: Array
+    state: Ints
+    pairing: Pairing
+    residual: float
+    scale: float
+
+
+def _joined(nodes: Ints, seeds: Ints) -> Ints:
+    """Nodes of all elements (b, e) that hang together with the seeds."""
+    n = int(nodes.max()) + 1
+    rows, columns = np.tile(nodes[0], len(nodes) - 1), nodes[1:].ravel()
+    graph = coo_array((np.ones(rows.size, dtype=np.int8), (rows, columns)), shape=(n, n))
+    label = connected_components(graph, directed=False)[1]
+    return np.flatnonzero(np.isin(label, label[seeds])).astype(np.int64)

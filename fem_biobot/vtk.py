@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any
+from xml.etree.ElementTree import ParseError
 from xml.sax.saxutils import quoteattr
 
 import meshio
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import FileError
-from fem_biobot.files import replacing, write_bytes, write_text
+from fem_biobot.files import file_error, replacing, write_bytes, write_text
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -93,6 +94,26 @@ def write_vtu(
     )
     with replacing(path) as temporary:
         mesh.write(temporary, file_format="vtu", binary=True, compression="zlib")
+
+
+def read_vtu(path: str | os.PathLike[str]) -> tuple[Array, Ints, dict[str, Array], dict[str, Array]]:
+    """Points (3, n), cells (4 or 10, e), point and cell data of a file that `write_vtu` wrote, point axis last.
+
+    Raises
+    ------
+    FileError
+        It is missing, or not such a file.
+    """
+    try:
+        # meshio.read itself ends the process where it cannot read
+        found = meshio.vtu.read(str(path))
+        block = found.cells[0]
+        cells = {name: np.asarray(values[0]).T for name, values in found.cell_data.items()}
+    except OSError as error:
+        raise file_error(error, path, doing="read") from None
+    except (LookupError, ValueError, AssertionError, ParseError, zlib.error, meshio.ReadError) as error:
+        raise FileError(f"{path}: cannot be read ({error}), expected a body as .vtu") from None
+    return found.points.T, block.data.T, {name: np.asarray(v).T for name, v in found.point_data.items()}, cells
 
 
 def _vtk_rows(path: str | os.PathLike[str], name: str, values: NDArray[Any], count: int) -> NDArray[Any]:

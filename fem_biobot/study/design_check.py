@@ -15,6 +15,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import DesignError
 from fem_biobot.muscle.oxygenation import viable_gamma
 from fem_biobot.study.bow import Bow, bow, buckling_load, full_pull, held_closing, weight
+from fem_biobot.study.bow_view import bow_view
 from fem_biobot.study.finding import Finding
 from fem_biobot.tables import Table
 
@@ -119,7 +120,11 @@ def check_finding(design: Design) -> Finding:
     remark = {"good": "nothing speaks against it", "close": "close to a limit", "bad": "it will not work"}
     text = remark[str(overall(rows))] + (f": {against(rows)}" if against(rows) else "")
     return Finding(
-        {"rows": rows, "verdict": overall(rows)}, [check_table(rows)], {"design_check": rows}, (), (), [text]
+        {"rows": rows, "verdict": overall(rows)},
+        [check_table(rows)],
+        {"design_check": rows},
+        remarks=[text],
+        views=[bow_view(design)],
     )
 
 

@@ -20,7 +20,7 @@ from fem_biobot.study.provenance import appendix
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
 from fem_biobot.tables import Table
-from fem_biobot.view.interactive import Moving
+from fem_biobot.view.interactive import Moving, Piece
 from fem_biobot.view.report import write_report
 
 
@@ -52,7 +52,7 @@ class Finding:
     figures: Sequence[tuple[Path, str]] = ()
     notes: Sequence[str] = ()
     remarks: Sequence[str] = ()
-    views: Sequence[Moving] = ()
+    views: Sequence[Moving | Piece] = ()
 
 
 Work = Callable[[Design, Path], Finding]

@@ -12,6 +12,7 @@ from fem_biobot.muscle.fibre_numbers import fibre_numbers
 from fem_biobot.muscle.fibres import fibre_field
 from fem_biobot.muscle.streamlines import streamlines
 from fem_biobot.study.finding import Finding
+from fem_biobot.study.tissue_views import fibres_view
 from fem_biobot.tables import Table
 from fem_biobot.view.fibres import fibre_picture
 from fem_biobot.view.pictures import draw_pictures
@@ -66,6 +67,7 @@ def fibres_finding(design: Design, mesh: BodyMesh, figures: Path, *, vtk: Path |
         [(drawn.files[0], "Fibres: directions of elements, and lines along them.")],
         [drawn.note] if drawn.note else [],
         ["tables/fibres.csv reads back as muscle.fibres"],
+        [fibres_view(mesh, a0)],
     )
 
 

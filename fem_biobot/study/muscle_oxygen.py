@@ -15,6 +15,7 @@ from fem_biobot.muscle.oxygen import OxygenLaw
 from fem_biobot.muscle.oxygen_depth import critical_thickness, largest_thickness
 from fem_biobot.muscle.oxygenation import Oxygenation, oxygen_law, oxygen_of, oxygenation, section_gamma
 from fem_biobot.study.finding import Finding
+from fem_biobot.study.tissue_views import oxygen_view
 from fem_biobot.tables import Table
 from fem_biobot.view.tissue import cloud, lines
 
@@ -87,7 +88,7 @@ def oxygen_finding(design: Design, mesh: BodyMesh, figures: Path) -> Finding:
             tuple(tuple(row.values()) for row in rule),
         ),
     ]
-    return Finding(numbers, tables, {"oxygen_thickness": rule}, [maps, rules], notes)
+    return Finding(numbers, tables, {"oxygen_thickness": rule}, [maps, rules], notes, views=[oxygen_view(found)])
 
 
 def oxygen_numbers(design: Design, found: Oxygenation) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ from fem_biobot.study.design_check import as_numbers, check_table, design_check
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
 from fem_biobot.study.search import SearchPlan, Solution, Tried, closest_to, nearest_try, reached, search
-from fem_biobot.study.search_models import QUANTITIES, Model
+from fem_biobot.study.search_models import QUANTITIES, Model, seen
 from fem_biobot.study.sweep_findings import column
 from fem_biobot.study.sweep_findings import told as as_told
 from fem_biobot.tables import Table
+from fem_biobot.view.interactive import Moving
 from fem_biobot.view.tissue import lines
 
 
@@ -29,10 +31,12 @@ def search_finding(design: Design, plan: SearchPlan, figures: Path, reporter: Re
     if found:
         tables.insert(0, _table("What gives it", found))
     remarks = [_answer(plan, solutions, chosen, tried)]
+    views: list[Moving] = []
     if chosen is not None:
         named = dict(zip((r.key for r in plan.vary), chosen.values, strict=True))
-        check = as_numbers(design_check(design.with_values(named)))
-        tables.append(check_table(check))
+        answer = design.with_values(named)
+        tables.append(check_table(as_numbers(design_check(answer))))
+        views.append(replace(seen(answer, plan.model), title=f"The design found, {_told(plan, chosen.values)}"))
     still = at_rest(design.muscle)
     notes = [still] if still else []
     if plan.model is Model.solid:
@@ -50,11 +54,16 @@ def search_finding(design: Design, plan: SearchPlan, figures: Path, reporter: Re
         _draw(design, plan, tried, solutions, figures),
         notes,
         remarks,
+        views,
     )
 
 
 def _keys(plan: SearchPlan, values: Sequence[float]) -> dict[str, Any]:
     return {column(r.key): as_told(r.key, v) for r, v in zip(plan.vary, values, strict=True)}
+
+
+def _told(plan: SearchPlan, values: Sequence[float]) -> str:
+    return ", ".join(f"{r.key} {r.told(v)}" for r, v in zip(plan.vary, values, strict=True))
 
 
 def _row(plan: SearchPlan, values: Sequence[float], tried: Tried) -> dict[str, Any]:

@@ -76,7 +76,7 @@ def sweep(
         if not any(row["status"] == "done" for row in rows.values()):
             reasons = dict.fromkeys(row["reason"] for row in rows.values())
             raise SolveError(f"none of {len(plan.cases)} cases came to a result; the first: {next(iter(reasons), '')}")
-        return sweep_finding(plan, rows, figures)
+        return sweep_finding(plan, rows, figures, cases)
 
     identity = {"sweep": plan.digest}
     return examine(

@@ -14,6 +14,7 @@ from fem_biobot.design import keys
 from fem_biobot.study.design_check import against, overall
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.sweep_file import SweepPlan, Task
+from fem_biobot.study.sweep_views import sweep_views
 from fem_biobot.tables import Table
 from fem_biobot.view.report import heading
 from fem_biobot.view.sweep import against_each, coordinates
@@ -54,8 +55,8 @@ def sweep_rows(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]]) -> list[
     return rows
 
 
-def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figures: Path) -> Finding:
-    """Table, sensitivities and pictures of all cases."""
+def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figures: Path, cases: Path) -> Finding:
+    """Table, sensitivities and pictures of all cases, whose folder is `cases`, and the extreme ones to turn."""
     rows = sweep_rows(plan, found)
     done = [row for row in rows if row["status"] == "done"]
     names = [column(key) for key in plan.varied]
@@ -69,6 +70,8 @@ def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figur
     notes = dict.fromkeys(note for case in plan.cases for note in found[case.key]["notes"])
     if len(notes) > 8:
         remarks.append(f"{len(notes)} different notes of cases: see cases/*.json")
+    shown = outputs[0] if outputs else None
+    views, unseen = sweep_views(plan, done, shown, _spelt(shown or ""), cases)
     return Finding(
         {
             "name": plan.name,
@@ -83,8 +86,9 @@ def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figur
         tables,
         {"cases": rows, **({"rank_correlations": ranks} if ranks else {})},
         _draw(plan, done, names, outputs, figures),
-        list(notes) if len(notes) <= 8 else [],
+        [*(notes if len(notes) <= 8 else []), *unseen],
         remarks,
+        views,
     )
 
 

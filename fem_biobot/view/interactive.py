@@ -11,6 +11,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,8 @@ Ints = NDArray[np.int64]
 _HERE = Path(__file__).parent
 _MOST_PARTS = 31  # one bit each
 _NONE = 65535  # of a value that is not there
+# data hold no "<"
+_PIECE = re.compile(r'<figure class="view3d"><h2>(.*?)</h2>\n(.*?)</figure>', re.DOTALL)
 FALLBACK = "This view needs a browser with scripts and WebGL 2; the pictures of this page show the same."
 
 
@@ -100,7 +103,28 @@ class Moving:
     exaggerated: bool = False
 
 
-def figure(moving: Moving) -> str:
+@dataclass(frozen=True)
+class Piece:
+    """A view of another page, as it stands there.
+
+    Attributes
+    ----------
+    title
+        Above the view, as HTML.
+    body
+        What follows it.
+    """
+
+    title: str
+    body: str
+
+
+def pieces_of(page: str) -> list[Piece]:
+    """The views of a page that `figure` made."""
+    return [Piece(*found.groups()) for found in _PIECE.finditer(page)]
+
+
+def figure(moving: Moving | Piece) -> str:
     """A view as a piece of a page; the page needs `style` and, after all figures, `script` once.
 
     Raises
@@ -108,12 +132,19 @@ def figure(moving: Moving) -> str:
     FileError
         Arrays that do not fit each other or hold what is not a finite number.
     """
+    if isinstance(moving, Piece):
+        return _framed(moving.title, moving.body)
     data = json.dumps(_packed(moving), separators=(",", ":")).replace("<", "\\u003c")
     title, caption = html.escape(moving.title), html.escape(moving.caption)
-    return (
-        f'<figure class="view3d"><h2>{title}</h2>\n<div class="fallback">{FALLBACK}</div>\n'
-        f'<script type="application/json">{data}</script>\n<figcaption>{caption}</figcaption></figure>'
+    return _framed(
+        title,
+        f'<div class="fallback">{FALLBACK}</div>\n<script type="application/json">{data}</script>\n'
+        f"<figcaption>{caption}</figcaption>",
     )
+
+
+def _framed(title: str, body: str) -> str:
+    return f'<figure class="view3d"><h2>{title}</h2>\n{body}</figure>'
 
 
 def style() -> str:

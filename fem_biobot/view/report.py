@@ -15,7 +15,7 @@ from typing import Any
 from fem_biobot.errors import FileError
 from fem_biobot.files import file_error, write_text
 from fem_biobot.view import interactive
-from fem_biobot.view.interactive import Moving
+from fem_biobot.view.interactive import Moving, Piece
 
 Table = tuple[str, Sequence[str], Sequence[Sequence[object]]]
 
@@ -53,7 +53,7 @@ def write_report(
     tables: Sequence[Table],
     notes: Sequence[str],
     *,
-    views: Sequence[Moving] = (),
+    views: Sequence[Moving | Piece] = (),
     appendix: Sequence[Table] = (),
     title: str = "Report of a run",
 ) -> None:
@@ -115,6 +115,22 @@ def write_report(
         ]
     )
     write_text(path, page)
+
+
+def views_of(path: str | os.PathLike[str]) -> list[Piece]:
+    """The interactive views of a report that was written before, for another page.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+    try:
+        return interactive.pieces_of(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        if isinstance(error, OSError):
+            raise file_error(error, path, doing="read") from None
+        raise FileError(f"{path}: found no text, expected a report") from None
 
 
 def heading(key: str) -> str:

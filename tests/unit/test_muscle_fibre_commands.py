@@ -20,6 +20,7 @@ from fem_biobot.muscle.streamlines import streamlines
 from fem_biobot.study.muscle_fibres import picture_of
 from fem_biobot.study.muscle_findings import muscle_findings
 from fem_biobot.view.fibres import histogram_plot
+from fem_biobot.view.report import views_of
 from tests.command import call, listing
 from tests.helpers import box_mesh
 
@@ -58,6 +59,7 @@ def test_fibres_writes_pictures_the_field_and_its_numbers(capsys: pytest.Capture
     assert numbers["along_middle_second_1"] == pytest.approx(np.sin(np.radians(70.0)) ** 2, rel=1e-12)
     assert numbers["turn_largest_deg"] == pytest.approx(0.0, abs=1e-6)
     assert {"fibres.vtu", "figures/fibres.png", "tables/fibres.csv", "report.html"} <= set(listing(out))
+    assert [view.title for view in views_of(out / "report.html")] == ["Fibres of the muscle"]
     written = meshio.read(out / "fibres.vtu")
     field = written.cell_data["fibre_direction_1"][0]
     np.testing.assert_allclose(field, np.tile([np.sin(np.radians(70)), np.cos(np.radians(70)), 0], (len(field), 1)))

@@ -17,6 +17,7 @@ from fem_biobot.study import search_models
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.search import Range, SearchPlan, Solution, Target, closest_to, parse_range, parse_target, search
 from fem_biobot.study.search_models import Answer, Model, answer
+from fem_biobot.view.report import views_of
 from tests.command import call
 
 THICKNESS, WIDTH = "skeleton.beam_thickness", "muscle.junction_width"
@@ -128,7 +129,7 @@ def test_two_keys_meet_two_targets_or_do_not(monkeypatch: pytest.MonkeyPatch) ->
 def test_rods_answer_and_the_answer_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The thickness found gives the force that was wanted, asked for in its own words; the rest is in the rows.
 
-    Catches: a quantity of the passive state, units lost between the answer and `--set`.
+    Catches: a quantity of the passive state, units lost between the answer and `--set`, a report without its view.
     """
     given = ("study", "search", "junction_bot", "--vary", f"{THICKNESS}=0.5mm..0.8mm", "--target", "force=3mN")
     said = call(capsys, *given, "--points", "2", "--out", tmp_path / "out", "--json")
@@ -147,6 +148,8 @@ def test_rods_answer_and_the_answer_holds(tmp_path: Path, capsys: pytest.Capture
     assert len(summary["search"]["rows"]) >= 4
     assert {"Will it work?", "What gives it"} <= {t["title"] for t in summary["tables"]}
     assert (tmp_path / "out" / "figures" / "search.png").stat().st_size > 5_000
+    (shown,) = views_of(tmp_path / "out" / "report.html")
+    assert shown.title.startswith("The design found, skeleton.beam_thickness 0.59")
     # the same again is there already, another in its place is not
     assert call(capsys, *given, "--points", "2", "--out", tmp_path / "out").code == 0
     other = call(capsys, *given, "--points", "3", "--out", tmp_path / "out")

@@ -25,6 +25,7 @@ from fem_biobot.study.sweep_case import CaseOrder, MeshOrder, kept_row, needs_me
 from fem_biobot.study.sweep_file import SweepPlan, Task, read_sweep
 from fem_biobot.study.sweep_findings import column, rank_correlations, told
 from fem_biobot.study.sweep_runner import LocalRunner
+from fem_biobot.view.report import views_of
 from tests.command import call, command, environment
 from tests.sweeps import Dies, Fails, Inline, Mumbles, Says, walks
 
@@ -52,7 +53,8 @@ def table(folder: Path) -> list[dict[str, str]]:
 def test_failing_cases_are_rows_and_a_grown_sweep_does_only_what_is_new(tmp_path: Path) -> None:
     """Two of four designs cannot be: they stand in the table with the reason. Two new tensions make two new cases.
 
-    Catches: a failure that ends the sweep, rows in the order in which cases end, finished cases done again.
+    Catches: a failure that ends the sweep, rows in the order in which cases end, finished cases done again, other cases
+    shown than the extreme ones.
     """
     out, first = tmp_path / "out", Inline()
     summary = sweep(read_sweep(walks(tmp_path)), out, runner=lambda folder: first)
@@ -66,6 +68,11 @@ def test_failing_cases_are_rows_and_a_grown_sweep_does_only_what_is_new(tmp_path
     assert [row["works"] for row in rows] == ["good", "", "good", ""]
     assert first.closed
     assert sorted(first.names) == sorted(row["key"] for row in rows if row["status"] == "done")
+    strokes = {float(row["speed_mm_per_s"]): row["case"] for row in rows if row["status"] == "done"}
+    titles = [view.title for view in views_of(out / "report.html")]
+    assert [title.split(" speed")[0] for title in titles] == [
+        f"Case {strokes[max(strokes)]}: largest", f"Case {strokes[min(strokes)]}: smallest"
+    ]  # fmt: skip
     # the case's folder is the command's own result
     assert json.loads((out / "cases" / rows[0]["key"] / "summary.json").read_text())["job"]["kind"] == "walk"
     again = Inline()

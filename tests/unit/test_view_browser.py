@@ -7,12 +7,23 @@ import io
 import shutil
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from fem_biobot import cli
+from fem_biobot.config import load_design
+from fem_biobot.mesh.committed import committed_mesh
+from fem_biobot.muscle.fibres import fibre_field
+from fem_biobot.muscle.oxygenation import oxygenation
+from fem_biobot.study.bow_view import bow_view
+from fem_biobot.study.run import run
+from fem_biobot.study.search_models import Model, seen
+from fem_biobot.study.sweep_views import solved_view
+from fem_biobot.study.tissue_views import fibres_view, oxygen_view
 from fem_biobot.view.moving import machine_view
 from fem_biobot.view.report import write_report
 from tests.unit.test_view_interactive import triangle
@@ -153,6 +164,86 @@ def test_two_fingers_zoom(browser: Any) -> None:
         "document.querySelectorAll('figure.view3d button').forEach(b => b.textContent === 'reset' && b.click())"
     )
     assert changed(before, pixels(browser)) == 0.0
+
+
+def turns(browser: Any, view: int) -> None:
+    """A view draws a body in colours, and another picture of it once turned."""
+    from selenium.webdriver.common.keys import Keys
+
+    before = pixels(browser, view)
+    assert (before < 245).any(axis=2).mean() > 0.05, view
+    # of a colour, not of lines and greys alone
+    assert (np.ptp(before.astype(int), axis=2) > 60).mean() > 0.01, view
+    for _ in range(4):
+        canvas(browser, view).send_keys(Keys.ARROW_LEFT)
+    assert changed(before, pixels(browser, view)) > 0.02, view
+
+
+def test_bodies_of_studies_and_of_the_tissue_turn(browser: Any, tmp_path: Path) -> None:
+    """Closed forms, a design found, a solve read back, fibres and oxygen: each draws, turns, and says nothing.
+
+    Catches: a view of one state that the script cannot show, a part without a face, a field without values.
+    """
+    design = load_design("junction_bot")
+    mesh = committed_mesh(design, 2.0)
+    assert mesh is not None
+    strip = load_design("strip", ["mesh.size = 0.8 mm"])
+    run(strip, tmp_path / "strip", complete=False)
+    views = [
+        bow_view(design),
+        seen(design, Model.rod),
+        solved_view(tmp_path / "strip", "as_moulded", stands=False),
+        fibres_view(mesh, fibre_field(design, mesh)),
+        oxygen_view(oxygenation(design, mesh)),
+    ]
+    write_report(tmp_path / "report.html", {}, [], [], [], views=views)
+    address = browser.current_url
+    browser.get_log("browser")
+    try:
+        browser.get((tmp_path / "report.html").as_uri())
+        for view in range(len(views)):
+            turns(browser, view)
+        assert browser.get_log("browser") == []
+    finally:
+        browser.get(address)
+
+
+REPORTS = {
+    "check": ("study", "check", "junction_bot"),
+    "search": ("study", "search", "junction_bot", "--vary", "skeleton.beam_thickness=0.5mm..0.8mm", "--points", "3",
+               "--target", "force=3mN"),
+    "sweep": ("study", "sweep", "SWEEP", "--workers", "1"),
+    "fibres": ("muscle", "fibres", "junction_bot"),
+    "oxygen": ("muscle", "oxygen", "junction_bot"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=() if k == "check" else pytest.mark.slow) for k in REPORTS])
+def test_reports_of_studies_are_whole_pages(browser: Any, tmp_path: Path, kind: str) -> None:
+    """What a command leaves opens without a word in the console, shows its bodies, and is below 15 MB.
+
+    Catches: a report without its view, a page too large to send.
+    """
+    bots = tmp_path / "bots.toml"
+    bots.write_text(
+        'base = "junction_bot"\ntask = "solve"\n[set]\nmesh.size = "2 mm"\n'
+        '[grid]\nskeleton.beam_thickness = ["0.6 mm", "0.8 mm"]\n'
+    )
+    words = [str(bots) if word == "SWEEP" else word for word in REPORTS[kind]]
+    assert cli.main([*words, "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    report = tmp_path / "out" / "report.html"
+    assert report.stat().st_size < 15e6
+    address = browser.current_url
+    browser.get_log("browser")
+    try:
+        browser.get(report.as_uri())
+        count = len(browser.find_elements("css selector", "figure.view3d"))
+        assert count == (2 if kind == "sweep" else 1)
+        for view in range(count):
+            turns(browser, view)
+        assert browser.get_log("browser") == []
+    finally:
+        browser.get(address)
 
 
 @pytest.mark.parametrize("view", [0, 1])

@@ -11,7 +11,7 @@ import pyvista
 import skfem
 
 from fem_biobot.errors import FileError
-from fem_biobot.vtk import boundary_surface, nodal_mean, split_by_region, write_pvd, write_vtu
+from fem_biobot.vtk import boundary_surface, nodal_mean, read_vtu, split_by_region, write_pvd, write_vtu
 
 BOX = (2.0, 1.0, 1.5)
 
@@ -63,6 +63,26 @@ def test_a_body_is_read_back_by_vtk_with_all_its_fields(tmp_path: Path) -> None:
     assert np.array_equal(grid.cell_data["region"], region)
     # VTK integrates each quadratic element itself: a wrong node order would not give the box
     assert grid.compute_cell_sizes()["Volume"].sum() == pytest.approx(3.0, rel=1e-12)
+
+
+def test_a_body_is_read_back_as_it_was_written(tmp_path: Path) -> None:
+    """Catches: axes swapped on the way back, fields of cells among those of points, a process that a bad file ends."""
+    points, cells, region = box((2, 2, 3))
+    u, s = np.sin(points) + 0.1, np.arange(cells.shape[1], dtype=float)
+    write_vtu(tmp_path / "a.vtu", points, cells, point_data={"u_mm": u}, cell_data={"s_kPa": s}, region=region)
+    found = read_vtu(tmp_path / "a.vtu")
+    np.testing.assert_array_equal(found[0], points)
+    np.testing.assert_array_equal(found[1], cells)
+    np.testing.assert_array_equal(found[2]["u_mm"], u)
+    np.testing.assert_array_equal(found[3]["s_kPa"], s)
+    np.testing.assert_array_equal(found[3]["region"], region)
+    with pytest.raises(FileError, match="b\\.vtu"):
+        read_vtu(tmp_path / "b.vtu")
+    whole = (tmp_path / "a.vtu").read_bytes()
+    for number, content in enumerate((b"[muscle]", b"", whole[: len(whole) // 2])):
+        (tmp_path / f"{number}.vtu").write_bytes(content)
+        with pytest.raises(FileError, match=r"cannot be read .* expected a body as \.vtu"):
+            read_vtu(tmp_path / f"{number}.vtu")
 
 
 def test_linear_elements_are_written_too(tmp_path: Path) -> None:

@@ -166,6 +166,7 @@ def our_machine(*, strands_as_rods: bool) -> RodModel:
             RodMaterial(young=young, density=density, poisson=0.5),
             name,
             normal=(0.0, 1.0, 0.0),
+            discretisation="plain",
         )
         for name, (points, radius, (young, density)) in parts.items()
         if strands_as_rods or name not in STRANDS

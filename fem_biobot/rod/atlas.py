@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
 from fem_biobot.rod.arrays import Assembly
+from fem_biobot.rod.discretisation import Discretisation, halves, node_shares
 from fem_biobot.rod.records import Body, Hold, Muscle, Place, Rod, Spring, vector
 
 Array = NDArray[np.float64]
@@ -51,6 +52,14 @@ class Atlas:
         key, position = self.parse(place)
         node = self.node_of[key]
         return node, position - self.centre[node]
+
+    def shares(self, rod: str) -> Array:
+        """Which share of an element's mass or load each node of a rod takes, (m, m + 1) [1]."""
+        found = self.rods[rod]
+        if found.discretisation is Discretisation.plain:
+            return halves(len(found.sections))
+        spans = np.linalg.norm(np.diff(found.points, axis=0), axis=1)
+        return node_shares(spans, list(zip(found.sections, found.masses, strict=True)))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from fem_biobot.rod.activation.build import activations
 from fem_biobot.rod.arrays import Assembly, Constraints, Inertia, Loads, Members
 from fem_biobot.rod.atlas import Atlas, Built, Member, Moved
 from fem_biobot.rod.contacts import contact_arrays, touch_arrays
+from fem_biobot.rod.discretisation import Discretisation, residual_bending
 from fem_biobot.rod.drag.linear import LinearDrag
 from fem_biobot.rod.drag.record import Drag, drag_lumps
 from fem_biobot.rod.element import kernels as element
@@ -150,14 +152,15 @@ def _nodes(
     # lumps of each group: mass, position, inertia about it, volume
     lumps: list[list[tuple[float, Array, Array, float]]] = [[] for _ in roots]
     for rod in rods:
-        spans = np.linalg.norm(np.diff(rod.points, axis=0), axis=1)
-        for e, (span, section) in enumerate(zip(spans, rod.sections, strict=True)):
-            density = rod.material.density * rod.masses[e]
-            for end in (e, e + 1):
-                R = frames[rod.name][end].T
-                about = density * span / 2 * np.diag([section.I1, section.I2, section.I1 + section.I2])
-                lump = (density * section.area * span / 2, rod.points[end], R @ about @ R.T, section.area * span / 2)
-                lumps[group[rod.name, end]].append(lump)
+        spans, shares = np.linalg.norm(np.diff(rod.points, axis=0), axis=1), rough.shares(rod.name)
+        density = rod.material.density * np.array(rod.masses)
+        area, I1, I2 = (np.array([getattr(s, name) for s in rod.sections]) for name in ("area", "I1", "I2"))
+        per_element = np.array([density * area, area, density * I1, density * I2]) * spans
+        for i, (R, share) in enumerate(zip(frames[rod.name], shares.T, strict=True)):
+            # exactly rounded sums do not depend on the end from which a rod is drawn
+            mass, volume, J1, J2 = (math.fsum(row) for row in (per_element * share).tolist())
+            about = R.T @ np.diag([J1, J2, J1 + J2]) @ R
+            lumps[group[rod.name, i]].append((mass, rod.points[i], about, volume))
     for body in bodies:
         lumps[group[body.name, 0]].append((body.mass, np.array(body.centre, dtype=float), body.inertia, body.volume))
     for member in members:
@@ -181,7 +184,7 @@ def _nodes(
 
 def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[Elements, Array]:
     """Elements of all rods with their natural strains, and their Kelvin-Voigt times (m,)."""
-    nodes, offset, turn, C, tau, natural = [], [], [], [], [], []
+    nodes, offset, turn, C, tau, natural, bends = [], [], [], [], [], [], []
     for rod in rods:
         frames = atlas.frames[rod.name]
         for e, section in enumerate(rod.sections):
@@ -190,6 +193,7 @@ def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[E
             offset.append([rod.points[i] - atlas.centre[g] for i, g in zip((e, e + 1), ends, strict=True)])
             turn.append(frames[e : e + 2])
             C.append(stiffness(section, rod.material))
+            bends.append(rod.discretisation is Discretisation.corrected)
             tau.append(damping_time if rod.damping_time is None else rod.damping_time)
         given = rod.natural_curvature
         if given is None:
@@ -212,6 +216,8 @@ def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[E
         np.zeros((m, 3)),
         np.zeros((m, 3)),
         np.array(C, dtype=float).reshape(m, 6),
+        np.array(C, dtype=float).reshape(m, 6),
+        np.zeros((m, 2)),
     )
     strain = np.zeros((m, 6))
     n = len(atlas.centre)
@@ -225,7 +231,11 @@ def _elements(rods: Sequence[Rod], atlas: Atlas, damping_time: float) -> tuple[E
     for e, curvature in enumerate(natural):
         if curvature is not None:
             eps0[e], kappa0[e] = 0.0, curvature
-    return made._replace(length=length, eps0=eps0, kappa0=kappa0), np.array(tau, dtype=float)
+    corrected = np.array(bends, dtype=bool)[:, None]
+    softer, sway = residual_bending(made.section, length)
+    softer, sway = np.where(corrected, softer, made.section), np.where(corrected, sway, 0.0)
+    made = made._replace(length=length, eps0=eps0, kappa0=kappa0, stiffness=softer, sway=sway)
+    return made, np.array(tau, dtype=float)
 
 
 def _members(members: Sequence[Member], atlas: Atlas) -> Members:
@@ -286,11 +296,11 @@ def _loads(
                 f"distributed load: no rod of the name {load.rod!r}, expected one of: {', '.join(atlas.rods)}"
             )
         points = atlas.drawn[load.rod]
-        # half of each element's load on each of its ends, where the element's lumped mass is, too
+        # spread as the element's mass is
         first = list(atlas.rods).index(load.rod)
         begin = sum(len(r.sections) for r in list(atlas.rods.values())[:first])
         length = elements.length[begin : begin + len(points) - 1]
-        share = 0.5 * (np.append(length, 0.0) + np.append(0.0, length))
+        share = length @ atlas.shares(load.rod)
         for i, part in enumerate(share):
             node, offset = atlas.locate((load.rod, i))
             rows.append((node, offset, part * force, part * couple, int(load.following)))

@@ -61,8 +61,8 @@ class RodModel:
     Notes
     -----
     Rods: two-node elements after Simo (1985) and Reissner (1972) with strains constant along the element and helicoidal
-    interpolation (Borri and Bottasso 1994); second order in element length. Nodes carry half the mass and rotary
-    inertia of their elements. Sections stay plane and keep their shape; material is linear in the strains.
+    interpolation (Borri and Bottasso 1994); orders in element length, and the nodes' shares of mass and rotary inertia,
+    are told at `Discretisation`. Sections stay plane and keep their shape; material is linear in the strains.
     """
 
     def __init__(
@@ -231,16 +231,21 @@ class RodState:
         return strain, lengths
 
     def strain(self, rod: str) -> tuple[Array, Array]:
-        """Shear-stretch `eps` (m, 3) [1] and curvature-twist `kappa` (m, 3) [1/mm] of a rod less the natural ones."""
-        part = self.model.elements_of(rod)
-        elements = self.model.assembly.elements
+        """Shear-stretch `eps` (m, 3) [1] and curvature-twist `kappa` (m, 3) [1/mm] of a rod less the natural ones.
+
+        Those of its sections in the middle of its elements: shear is what the shear force makes of a section, without
+        the residual bending of the element.
+        """
+        part, elements = self.model.elements_of(rod), self.model.assembly.elements
         found = self._measured[0][part]
-        return found[:, :3] - elements.eps0[part], found[:, 3:] - elements.kappa0[part]
+        eps, kappa = found[:, :3] - elements.eps0[part], found[:, 3:] - elements.kappa0[part]
+        eps[:, :2] *= elements.stiffness[part, :2] / elements.section[part, :2]
+        return eps, kappa
 
     def resultants(self, rod: str) -> tuple[Array, Array]:
         """Elastic force `n_force` (m, 3) [mN] and couple `m_couple` (m, 3) [uJ] in a rod, in its material frame."""
         eps, kappa = self.strain(rod)
-        C = self.model.assembly.elements.stiffness[self.model.elements_of(rod)]
+        C = self.model.assembly.elements.section[self.model.elements_of(rod)]
         return C[:, :3] * eps, C[:, 3:] * kappa
 
     def muscle_length(self, name: str) -> float:

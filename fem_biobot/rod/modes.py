@@ -81,8 +81,8 @@ def modes(model: RodModel, at: RodState | None = None, count: int = 6) -> Modes:
     -----
     The tangent by spatial turns is ``K - K^T = -[m]x`` for the moment `m` that acts on a node, so it is symmetric where
     nodes are in balance and every load has an energy; loads that follow, and moments of fixed axis, have none.
-    Solved as ``M u = K u / w^2`` through the joints' constraints, so that mass may be singular. Second order in
-    element length, with lumped masses: frequencies come from below in bending.
+    Solved as ``M u = K u / w^2`` through the joints' constraints, so that mass may be singular. Masses are lumped;
+    order in element length: `Discretisation`.
     """
     if not isinstance(count, int | np.integer) or count < 1:
         raise ModelError(f"count: found {count!r}, expected at least 1")

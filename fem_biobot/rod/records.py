@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
 from fem_biobot.rod.activation.curve import MuscleCurve
+from fem_biobot.rod.discretisation import Discretisation
 from fem_biobot.rod.section import RodMaterial, Section
 
 Array = NDArray[np.float64]
@@ -73,6 +74,8 @@ class Rod:
     damping_time
         Kelvin-Voigt time of this rod [s]: resultants gain ``damping_time`` times their rate. By default that of the
         analysis.
+    discretisation
+        How it becomes elements, see `Discretisation`.
     """
 
     points: Array
@@ -83,6 +86,7 @@ class Rod:
     natural_curvature: Any = None
     mass: float | Sequence[float] = 1.0
     damping_time: float | None = None
+    discretisation: Discretisation | str = Discretisation.corrected
 
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
@@ -105,7 +109,8 @@ class Rod:
         if self.damping_time is not None:
             _number(f"rod {self.name}: damping_time", self.damping_time, 0.0)
         points.flags.writeable = False
-        _set(self, points=points, section=sections, mass=masses)
+        made = Discretisation.of(self.discretisation, f"rod {self.name}")
+        _set(self, points=points, section=sections, mass=masses, discretisation=made)
 
     @property
     def masses(self) -> tuple[float, ...]:

@@ -134,7 +134,7 @@ def statics(
     Notes
     -----
     Newton's method with the exact tangent, resultants of the geometric part extrapolated; sparse LU of the nodes with
-    the joints' multipliers. Second order in element length; exact for states of constant strain.
+    the joints' multipliers. Order in element length: `Discretisation`; exact for states of constant strain.
     """
     wanted = [s if isinstance(s, RodStep) else RodStep(s, s) for s in steps]
     if not np.isfinite(drive):

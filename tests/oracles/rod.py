@@ -45,7 +45,9 @@ def strains(elements: Elements, x: Array, Q: Array) -> Array:
     for e, length in enumerate(elements.length):
         relative = np.linalg.inv(end_frame(elements, e, 0, x, Q)) @ end_frame(elements, e, 1, x, Q)
         twist = vee(np.real(logm(relative))) / length
-        out.append(twist - np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+        strain = twist - np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+        strain[2] += 0.5 * elements.sway[e] @ (strain[:2] - elements.eps0[e, :2]) ** 2
+        out.append(strain)
     return np.array(out)
 
 
@@ -58,6 +60,8 @@ def forces(elements: Elements, x: Array, Q: Array, s: Array) -> Array:
         X = np.real(logm(back))
         # columns: change of the motion, in its own frame, for each component of the twist
         slope = np.stack([vee(np.linalg.inv(back) @ _slope(X, k)) for k in range(6)], axis=1)
+        by_twist = np.eye(6)  # of the strains
+        by_twist[2, :2] = elements.sway[e] * (vee(X)[:2] / elements.length[e] - elements.eps0[e, :2])
         for i, sign in enumerate((-1.0, 1.0)):
             node = elements.nodes[e, i]
             for k in range(6):
@@ -68,7 +72,7 @@ def forces(elements: Elements, x: Array, Q: Array, s: Array) -> Array:
                     move = hat(np.eye(6)[k])
                     move[:3, 3] = -move[:3, :3] @ x[node]
                 own = vee(np.linalg.inv(ends[1]) @ move @ ends[1])
-                out[node, k] += sign * s[e] @ np.linalg.solve(slope, own)
+                out[node, k] += sign * s[e] @ by_twist @ np.linalg.solve(slope, own)
     return out
 
 

@@ -48,6 +48,8 @@ def _generic(seed: int = 21) -> tuple[Elements, Array, Array]:
         eps0=0.1 * draw.normal(size=(m, 3)),
         kappa0=0.4 * draw.normal(size=(m, 3)),
         stiffness=draw.uniform(1.0, 6.0, (m, 6)),
+        section=np.ones((m, 6)),
+        sway=draw.uniform(0.3, 1.2, (m, 2)),
     )
     return elements, *_placed(elements, strain, draw)
 
@@ -167,6 +169,8 @@ def _single(L: float) -> Elements:
         np.zeros((1, 3)),
         np.zeros((1, 3)),
         np.ones((1, 6)),
+        np.ones((1, 6)),
+        np.zeros((1, 2)),
     )
 
 

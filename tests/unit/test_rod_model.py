@@ -85,14 +85,14 @@ def test_rigidly_joined_parts_are_one_node_at_their_centre_of_mass() -> None:
     assert model.n_nodes == 3
     node = model.atlas.node_of["foot", 0]
     assert model.atlas.node_of["rod", 2] == node
-    # half an element: volume 1 * 2 * 0.5
-    end = 0.5
+    # a third of an element of volume 2 and density 0.5: Simpson's rule
+    end = 1.0 / 3.0
     np.testing.assert_allclose(model.assembly.inertia.mass[node], 2.0 + end, rtol=1e-15)
-    np.testing.assert_allclose(model.atlas.centre[node], [2.0, 0.0, -2.0 / 2.5], rtol=1e-15)
-    reduced = 2.0 * end / 2.5
+    np.testing.assert_allclose(model.atlas.centre[node], [2.0, 0.0, -2.0 / (2.0 + end)], rtol=1e-15)
+    reduced = 2.0 * end / (2.0 + end)
     I1, I2 = (8.0 / 12, 2.0 / 12)
-    # the rod's directors: 3 along x, 1 some axis across, about which I1 counts; density times half an element, 0.25
-    own = 0.25 * np.array([I1 + I2, *((I1, I2) if model.atlas.frames["rod"][0, 0, 1] else (I2, I1))])
+    # the rod's directors: 3 along x, 1 some axis across, about which I1 counts; density times a third, 1 / 6
+    own = 0.5 / 3.0 * np.array([I1 + I2, *((I1, I2) if model.atlas.frames["rod"][0, 0, 1] else (I2, I1))])
     expected = np.diag([1.0, 2.0, 3.0] + own + reduced * np.array([1.0, 1.0, 0.0]))
     np.testing.assert_allclose(model.assembly.inertia.J[node], expected, rtol=1e-14, atol=1e-15)
     np.testing.assert_allclose(model.mass, 2.0 + 0.5 * 4.0, rtol=1e-15)

@@ -117,15 +117,15 @@ def test_a_column_slows_down_as_it_nears_its_buckling_load() -> None:
 def test_a_mass_on_a_weightless_rod_and_a_spring() -> None:
     """``w^2 = (3 E I / L^3 + k) / m``: nodes without mass follow.
 
-    Catches: a singular mass matrix, members left out of the stiffness.
+    Catches: a singular mass matrix, members left out of the stiffness, elements that do not bend within.
     """
-    L, EI, m, k, n = 3.0, 2.0, 5e-4, 0.1, 30
+    L, EI, m, k, n = 3.0, 2.0, 5e-4, 0.1, 3
     rod = rod_of(straight(n, L), stiff(EI, 1e6))
     mass = Body((L, 0.0, 0.0), m, (1e-12, 1e-12, 1e-12))
     spring = Spring(TIP, (L, 0.0, 2.0), k)
     model = RodModel([rod], [Rigid(TIP, ("body", (L, 0.0, 0.0)))], [mass], [Hold(("rod", 0))], members=[spring])
     found = modes(model, count=2).squares
-    soft = 3 * EI / L**3 / (1 - 1 / (4 * n**2))
+    soft = 3 * EI / L**3
     np.testing.assert_allclose(found, [soft / m, (soft + k) / m], rtol=1e-5)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -54,7 +53,7 @@ class Drag:
     ``ln(L/r) + 0.15`` across and ``ln(L/r) - 0.90`` along, Tirado, Martinez and Garcia de la Torre 1984). Parts of one
     rod, and different rods, do not feel each other's flow. The second is the drag part of Morison, O'Brien, Johnson and
     Schaaf (1950) for Reynolds numbers far above 1, added as it stands; no added mass. The moment is that of a long
-    cylinder that spins. All three are lumped at the rod's nodes like its mass, second order in element length.
+    cylinder that spins. All three are lumped at the rod's nodes like its mass.
 
     *Spheres.* An assumption for whatever is not slender: parts that move as one rigid part count as one sphere of their
     common volume about its centre, ``f = -6 pi mu R v - rho C pi R^2 / 2 |v| v`` and ``m = -8 pi mu R^3 omega``
@@ -143,13 +142,13 @@ def _against_rest(
             raise ModelError(f"drag: {name!r} is dragged twice, expected each part once")
         seen.add(name)
         per_length = np.array([drag.force, drag.force, 0.0, drag.moment, drag.moment])
-        shares = _halves(per_length[:, None] * _lengths(atlas.rods[name], atlas, elements))
+        shares = per_length[:, None] * _lengths(atlas.rods[name], atlas, elements) @ atlas.shares(name)
         rows += [(*atlas.locate((name, i)), np.zeros(3), share.tolist()) for i, share in enumerate(shares.T)]
     return rows
 
 
 def _slender(drag: Drag, rod: Rod, atlas: Atlas, elements: Elements) -> list[tuple[int, Array, Array, list[float]]]:
-    """Half of each element's resistances on each of its ends: along, across, quadratic, about the axis, across it."""
+    """Resistances along a rod, at its nodes: along, across, quadratic, about the axis, across it."""
     lengths = _lengths(rod, atlas, elements)
     r = np.array([np.sqrt(s.area / np.pi) if drag.radius is None else drag.radius for s in rod.sections])
     ratio = float(lengths.sum() / r.max())
@@ -168,7 +167,7 @@ def _slender(drag: Drag, rod: Rod, atlas: Atlas, elements: Elements) -> list[tup
             np.zeros_like(r),
         ]
     )
-    shares = _halves(per_length * lengths)
+    shares = per_length * lengths @ atlas.shares(rod.name)
     places = [atlas.locate((rod.name, i)) for i in range(len(lengths) + 1)]
     tangents = atlas.frames[rod.name][:, 2]
     return [(*place, t, share.tolist()) for place, t, share in zip(places, tangents, shares.T, strict=True)]
@@ -193,7 +192,7 @@ def _round(
         rod = atlas.rods[name]
         lengths = _lengths(rod, atlas, elements)
         areas = np.array([s.area for s in rod.sections])
-        shares = _halves(lengths[None] / lengths.sum())[0]
+        shares = lengths / lengths.sum() @ atlas.shares(name)
         for i, share in enumerate(shares):
             whole = _sphere(drag, float(areas @ lengths))
             rows.append((*atlas.locate((name, i)), np.zeros(3), [float(share) * c for c in (*whole[:3], 0.0, 0.0)]))
@@ -218,9 +217,3 @@ def _lengths(rod: Rod, atlas: Atlas, elements: Elements) -> Array:
             break
         begin += len(each.sections)
     return elements.length[begin : begin + len(rod.sections)]
-
-
-def _halves(of_elements: Any) -> Array:
-    """Half of each element's amount on each of its ends: (..., m) to (..., m + 1)."""
-    none = np.zeros((*of_elements.shape[:-1], 1))
-    return 0.5 * (np.concatenate([of_elements, none], axis=-1) + np.concatenate([none, of_elements], axis=-1))

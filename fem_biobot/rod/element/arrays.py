@@ -27,7 +27,12 @@ class Elements(NamedTuple):
     eps0, kappa0
         Natural shear-stretch strain and curvature-twist in material components, (m, 3) [1], [1/mm].
     stiffness
-        ``GA1, GA2, EA`` [mN] and ``EI1, EI2, GJ`` [mN mm^2], shear factors included, (m, 6).
+        Resultants over the element's strains: ``GA1, GA2, EA`` [mN] and ``EI1, EI2, GJ`` [mN mm^2], shear factors
+        included, and in those of shear what the element bends besides (see `rod.discretisation`), (m, 6).
+    section
+        The same of the section alone, (m, 6).
+    sway
+        Stretch along the first two shears beyond the natural ones, over half the square of each, (m, 2) [1].
     """
 
     nodes: NDArray[np.int64]
@@ -37,3 +42,5 @@ class Elements(NamedTuple):
     eps0: NDArray[np.float64]
     kappa0: NDArray[np.float64]
     stiffness: NDArray[np.float64]
+    section: NDArray[np.float64]
+    sway: NDArray[np.float64]

@@ -13,6 +13,11 @@ Turning by the spatial vectors ``t1, t2`` at the ends (``d = t2 - t1``) changes 
 spins the middle frame by ``(t1 + t2)/2 - c phi x d``, ``c = tan(A/2) / (4 A)``. Derived by hand from the right
 Jacobian of the exponential; checked by Taylor remainders and against tests/oracles/rod.py.
 
+An element with `sway` bends into an S under a shear force, as its stiffness against that says (`rod.discretisation`).
+Its projection on the third director is shorter than its arc by the mean square of the S's slopes, which the third
+strain gets back: ``eps_3 + sum of sway_i gamma_i^2 / 2`` with the excess shear ``gamma = eps - eps0``. Without it a
+pulled element, soft in shear, would turn its directors away from its chord.
+
 Limits: the turn between the ends must stay below pi (`strains` returns the largest, for the caller to refuse).
 """
 
@@ -132,6 +137,20 @@ def _pull(a, b, phi, N, y):
 
 
 @njit(**KERNEL, **BORROWS)
+def _shear(elements, e, i, stretch):
+    """Excess of the shear strain `i` of the material vector `stretch`, the length times strain."""
+    return stretch / elements.length[e] - elements.eps0[e, i]
+
+
+@njit(**KERNEL, **BORROWS)
+def _leans(elements, e, middle, moved):
+    """Derivatives of the third strain by the first two, ``sway_i gamma_i``; `moved` is the spatial ``M delta``."""
+    stretch = apply(middle, moved)
+    sway = elements.sway
+    return sway[e, 0] * _shear(elements, e, 0, stretch[0]), sway[e, 1] * _shear(elements, e, 1, stretch[1])
+
+
+@njit(**KERNEL, **BORROWS)
 def strains(elements, x, Q, out):
     """Write the strains of all elements, (m, 6): ``eps`` [1] and ``kappa`` [1/mm] in material components.
 
@@ -150,6 +169,8 @@ def strains(elements, x, Q, out):
             out[e, i] = stretch[i] * per_length
             out[e, 3 + i] = turn[i] * per_length
         out[e, 2] -= 1.0
+        for i in range(2):
+            out[e, 2] += 0.5 * elements.sway[e, i] * _shear(elements, e, i, stretch[i]) ** 2
         if not q <= largest:  # also true for a NaN
             largest = q
             if math.isnan(q):
@@ -158,10 +179,10 @@ def strains(elements, x, Q, out):
 
 
 @njit(**KERNEL, **BORROWS)
-def _resultants(middle, s):
-    """Spatial force and couple of the material resultants `s` (6,)."""
+def _resultants(middle, s, lean):
+    """Spatial force and couple of the material resultants `s` (6,), which do work on the strains."""
     back = transpose(middle)
-    return apply(back, (s[0], s[1], s[2])), apply(back, (s[3], s[4], s[5]))
+    return apply(back, (s[0] + lean[0] * s[2], s[1] + lean[1] * s[2], s[2])), apply(back, (s[3], s[4], s[5]))
 
 
 @njit(**KERNEL, **BORROWS)
@@ -185,7 +206,7 @@ def add_forces(elements, x, Q, s, force):
     for e in range(elements.nodes.shape[0]):
         node1, node2, arm1, arm2, middle, phi, y = _frame(elements, e, x, Q)
         a, b, c = _coefficients(dot(phi, phi))
-        N, m = _resultants(middle, s[e])
+        N, m = _resultants(middle, s[e], _leans(elements, e, middle, _moved(a[0], b[0], phi, y)))
         f, h, mu, _ = _conjugates(phi, y, N, m, a, b, c)
         moment1 = combine(1.0, combine(0.5, h, -1.0, mu), -1.0, cross(arm1, f))
         moment2 = combine(1.0, combine(0.5, h, 1.0, mu), 1.0, cross(arm2, f))
@@ -230,6 +251,24 @@ def _turned_moduli(middle, c0, c1, c2):
         c2 * middle[8],
     )
     return product(transpose(middle), columns)
+
+
+@njit(**KERNEL, **BORROWS)
+def _turned_shear_moduli(middle, sway0, sway1, s, lean, c0, c1, c2):
+    """``Rm (H^T diag(c) H + s diag(sway, 0)) Rm^T`` with the derivative H of the strains, s the third force."""
+    l0, l1 = lean
+    inner = (
+        c0 + l0 * l0 * c2 + sway0 * s,
+        l0 * l1 * c2,
+        l0 * c2,
+        l0 * l1 * c2,
+        c1 + l1 * l1 * c2 + sway1 * s,
+        l1 * c2,
+        l0 * c2,
+        l1 * c2,
+        c2,
+    )
+    return product(transpose(middle), product(inner, middle))
 
 
 @njit(**KERNEL, **BORROWS)
@@ -297,8 +336,13 @@ def element_tangent(elements, e, x, Q, s, C, out):
     """
     _, _, arm1, arm2, middle, phi, y = _frame(elements, e, x, Q)
     per_length = 1.0 / elements.length[e]
-    N, m = _resultants(middle, s)
-    moduli_N = _turned_moduli(middle, C[0] * per_length, C[1] * per_length, C[2] * per_length)
+    a, b, _ = _coefficients(dot(phi, phi))
+    lean = _leans(elements, e, middle, _moved(a[0], b[0], phi, y))
+    N, m = _resultants(middle, s, lean)
+    moduli_N = _turned_shear_moduli(
+        middle, elements.sway[e, 0], elements.sway[e, 1], s[2] * per_length, lean,
+        C[0] * per_length, C[1] * per_length, C[2] * per_length,
+    )  # fmt: skip
     moduli_m = _turned_moduli(middle, C[3] * per_length, C[4] * per_length, C[5] * per_length)
     f, mu, A, f_mean, f_d, h_mean, h_d, mu_d = _core(phi, y, N, m, moduli_N, moduli_m)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.rod.build import Joint
+from fem_biobot.rod.discretisation import Discretisation
 from fem_biobot.rod.drag.linear import LinearDrag
 from fem_biobot.rod.drag.record import Drag
 from fem_biobot.rod.ground import ContactPoints, Ground
@@ -40,6 +41,7 @@ _RING_BEGIN = {"short": -7.33, "long": 7.35}  # x of its outer side [mm]
 _JOINT_STIFFNESS, _JOINT_DAMPING = 50.0, 5.0  # of a leg on the beam: uJ a radian and mm of leg; uJ s a radian
 _JOINT_SHARE = 0.02  # of a leg's length, in which the joint's turning happens
 _GRAVITY = 9810.0  # mm/s^2
+_CODE = Discretisation.plain  # elements as the code has them
 
 
 def elastica_walker(walker: ElasticaWalker | None = None) -> RodModel:
@@ -128,7 +130,9 @@ def _beams(w: ElasticaWalker) -> list[Rod]:
     rods = []
     for side in SIDES:
         points = np.column_stack([x, np.full_like(x, _side(w, side)), np.full_like(x, w.beam_height)])
-        rods.append(Rod(points, sections, gel(w), f"beam_{side}", normal=(0.0, 1.0, 0.0), mass=masses))
+        rods.append(
+            Rod(points, sections, gel(w), f"beam_{side}", normal=(0.0, 1.0, 0.0), mass=masses, discretisation=_CODE)
+        )
     return rods
 
 
@@ -172,7 +176,15 @@ def _legs(w: ElasticaWalker) -> list[Rod]:
             points = np.column_stack([np.full(7, x), np.full(7, _side(w, side)), w.beam_height - depth])
             time = _JOINT_DAMPING / (_JOINT_STIFFNESS * length) if yields else None
             rods.append(
-                Rod(points, sections, gel(w), f"leg_{pillar}_{side}", normal=(0.0, 1.0, 0.0), damping_time=time)
+                Rod(
+                    points,
+                    sections,
+                    gel(w),
+                    f"leg_{pillar}_{side}",
+                    normal=(0.0, 1.0, 0.0),
+                    damping_time=time,
+                    discretisation=_CODE,
+                )
             )
     return rods
 
@@ -186,7 +198,14 @@ def _crosses(w: ElasticaWalker) -> list[Rod]:
             z = w.beam_height - (leg_length(w, pillar) * CROSS_AT / LEG_ELEMENTS if part == "leg" else 0.0)
             points = np.column_stack([np.full_like(y, x), y, np.full_like(y, z)])
             rods.append(
-                Rod(points, _circle(w, w.cross_radius), gel(w), f"cross_{part}_{pillar}", normal=(0.0, 0.0, 1.0))
+                Rod(
+                    points,
+                    _circle(w, w.cross_radius),
+                    gel(w),
+                    f"cross_{part}_{pillar}",
+                    normal=(0.0, 0.0, 1.0),
+                    discretisation=_CODE,
+                )
             )
     return rods
 
@@ -212,7 +231,14 @@ def _muscle_section(w: ElasticaWalker, radius: float) -> Section:
 
 def _ring(w: ElasticaWalker, pillar: str, level: str) -> Rod:
     section = _muscle_section(w, w.ring_radius)
-    return Rod(ring_path(w, pillar, level), section, tissue(w), f"ring_{pillar}_{level}", normal=(0.0, 0.0, 1.0))
+    return Rod(
+        ring_path(w, pillar, level),
+        section,
+        tissue(w),
+        f"ring_{pillar}_{level}",
+        normal=(0.0, 0.0, 1.0),
+        discretisation=_CODE,
+    )
 
 
 def _fibres(w: ElasticaWalker) -> list[Rod]:
@@ -227,6 +253,7 @@ def _fibres(w: ElasticaWalker) -> list[Rod]:
             f"fibre_{k + 1}",
             normal=(0.0, 0.0, 1.0),
             mass=(w.fibre_radius / radius) ** 2,
+            discretisation=_CODE,
         )
         for k, node in enumerate(FIBRE_AT)
     ]

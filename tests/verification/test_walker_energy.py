@@ -70,13 +70,14 @@ def test_step_and_stroke_converge_with_the_time_step() -> None:
 
 
 def test_the_mesh_matters_little() -> None:
-    """From 16 to 32 elements the advance per stroke changes by less than 2 %, as the beam's error of second order.
+    """From 8 to 16 elements the advance per stroke changes by less than 0.2 %.
 
-    Catches: a mass or length that depends on the number of elements.
+    Catches: a mass or length that depends on the number of elements, an element's bending within or its ends' share of
+    the mass left out, which makes it 2.7 and 0.3 %.
     """
-    fine = walk(wet(), frequency=1.0, amplitude=0.87, duration=5.0, beam_elements=32, ground=Ground(0.3), discard=3)
-    assert fine.step_mm == pytest.approx(steady(1e-3).step_mm, rel=0.02)
-    assert fine.step_mm != steady(1e-3).step_mm
+    coarse = walk(wet(), frequency=1.0, amplitude=0.87, duration=5.0, beam_elements=8, ground=Ground(0.3), discard=3)
+    assert coarse.step_mm == pytest.approx(steady(1e-3).step_mm, rel=2e-3)
+    assert coarse.step_mm != steady(1e-3).step_mm
 
 
 def test_printed_forces_close_the_soles_by_what_linear_theory_says_less_its_second_order() -> None:

@@ -255,6 +255,7 @@ class SolidWalk(Strokes):
             "work_muscle_uJ": work["muscle"],
             "work_friction_uJ": -work["friction"],
             "work_viscous_uJ": -work["viscous"],
+            "work_drag_uJ": -work["drag"],
             "work_integrator_uJ": -work["integrator"],
             "duration_s": float(self.times[-1] - self.times[0]),
             "settling_time_s": self.start.time,
@@ -269,10 +270,10 @@ class SolidWalk(Strokes):
             "factorisations_1": self.motion.factorisations,
             "halved_steps_1": self.motion.halved,
             "largest_residual_1": self.motion.largest_residual,
-            "events": [{"name": e.name, "time_s": e.time, "text": e.text} for e in self.events],
             "notes": list(self.notes),
+            "events": [{"name": e.name, "time_s": e.time, "text": e.text} for e in self.events],
         }
         return plain(found)
 
 
-_WORKS = ("muscle", "friction", "viscous", "integrator")
+_WORKS = ("muscle", "friction", "viscous", "drag", "integrator")

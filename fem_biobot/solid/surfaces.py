@@ -64,11 +64,11 @@ class Facets:
 
 def facets(mesh: BodyMesh, body: Space, name: str, what: str, degree: int) -> Facets:
     """Facets of a named part of the boundary; refuses a surface inside the body."""
-    if name not in mesh.surfaces:
-        raise ModelError(
-            f"{what}: found no surface named {name!r}, expected one of {', '.join(mesh.surfaces) or 'none'}"
-        )
-    triangles = _outward(mesh, name, what)
+    return facets_on(body, boundary(mesh, (name,), what), degree)
+
+
+def facets_on(body: Space, triangles: Ints, degree: int) -> Facets:
+    """Facets of triangles that look out of the body, (3, f)."""
     shape = skfem.ElementTriP2() if body.quadratic else skfem.ElementTriP1()
     local, weights = get_quadrature(RefTri, degree)
     nodes = body.surface_nodes(triangles)
@@ -77,9 +77,9 @@ def facets(mesh: BodyMesh, body: Space, name: str, what: str, degree: int) -> Fa
     return Facets(nodes, values, slopes, weights)
 
 
-def _outward(mesh: BodyMesh, name: str, what: str) -> Ints:
-    """The triangles of a surface with their vertices counter-clockwise from outside."""
-    cells, triangles = mesh.cells, mesh.surfaces[name]
+def boundary(mesh: BodyMesh, names: Sequence[str] | None, what: str) -> Ints:
+    """Triangles of named parts of the boundary, each once, or of all of it, counter-clockwise from outside, (3, f)."""
+    cells = mesh.cells
     # each face opposite to vertex 0, 1, 2, 3 of a positively oriented tetrahedron, looking out
     outer = np.concatenate([cells[list(k)] for k in ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))], axis=1)
     n = mesh.points.shape[1]
@@ -89,10 +89,21 @@ def _outward(mesh: BodyMesh, name: str, what: str) -> Ints:
         return (low * n + middle) * n + high
 
     known, first, count = np.unique(keys(outer), return_index=True, return_counts=True)
-    place = np.minimum(np.searchsorted(known, keys(triangles)), len(known) - 1)
-    if np.any(known[place] != keys(triangles)) or np.any(count[place] != 1):
-        raise ModelError(f"{what} on {name!r}: found a surface inside the body, expected a part of its boundary")
-    return outer[:, first[place]]
+    if names is None:
+        return outer[:, first[count == 1]]
+    places = []
+    for name in names:
+        if name not in mesh.surfaces:
+            raise ModelError(
+                f"{what}: found no surface named {name!r}, expected one of {', '.join(mesh.surfaces) or 'none'}"
+            )
+        wanted = keys(mesh.surfaces[name])
+        place = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+        if np.any(known[place] != wanted) or np.any(count[place] != 1):
+            raise ModelError(f"{what} on {name!r}: found a surface inside the body, expected a part of its boundary")
+        places.append(place)
+    found = np.concatenate([np.zeros(0, dtype=np.int64), *places])
+    return outer[:, first[found if len(places) == 1 else np.unique(found)]]
 
 
 class SurfaceTerm(Protocol):

@@ -19,6 +19,7 @@ from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
 from fem_biobot.solid.from_design import densities, tension_step
 from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.solid.happenings import fall, happened
+from fem_biobot.solid.medium import surface_drag
 from fem_biobot.solid.model import SolidModel
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.standing import FEET, Standing, stand
@@ -45,15 +46,16 @@ def refuse_unwalkable(design: Design) -> None:
 
 
 def walking_body(design: Design, mesh: BodyMesh) -> MovingBody:
-    """A design's mesh, free of supports, with its weight less buoyancy and its viscosity."""
+    """A design's mesh, free of supports, with its weight less buoyancy, its viscosity and the drag of the medium."""
     refuse_unwalkable(design)
     for name in FEET:
         if name not in mesh.surfaces:
             raise MeshError(f"{name}: found no such surface in the mesh, expected one for the machine to stand on")
     medium = design.ground.medium_density if design.ground.immersion == "submerged" else 0.0
+    model = SolidModel.from_design(design, mesh)
     return moving_body(
-        SolidModel.from_design(design, mesh), densities(design), gravity=GRAVITY, medium_density=medium,
-        damping_time=design.numerics.damping_time, free=True,
+        model, densities(design), gravity=GRAVITY, medium_density=medium, damping_time=design.numerics.damping_time,
+        free=True, drag=surface_drag(design, model),
     )  # fmt: skip
 
 
@@ -144,13 +146,10 @@ def solid_walk(
         motion = joined(motions)
         strokes = math.floor((motion.times[-1] - motion.times[0]) * frequency + 1e-6)
         left_out = min(math.ceil(_TRANSIENT * frequency - 1e-9), strokes // 2) if discard is None else discard
-        notes = ()
-        if design.ground.immersion == "submerged" and design.ground.viscosity is not None:
-            notes = ("the solid walks without the drag of ground.viscosity",)
         spent = time.process_time() - clock
         return SolidWalk(
             motion, design, frequency, driven.size, driven.description.waveform, step, left_out, stood,
-            happened(motion), notes, spent,
+            happened(motion), wall_time=spent,
         )  # fmt: skip
 
     total = max(1, round(duration / step))

@@ -56,7 +56,7 @@ def write_walk(folder: Path, walk: SolidWalk, series: str) -> None:
         for c, way in enumerate(("normal", "forward", "left")):
             columns[f"{name}_{way}_mN"] = walk.foot_force[:, k, c]
         columns[f"{name}_state"] = np.array([_WORDS.get(int(s), "stick") for s in walk.foot_state[:, k]])
-    for name in ("kinetic", "strain", "weight", "muscle", "viscous", "friction", "normal", "integrator"):
+    for name in ("kinetic", "strain", "weight", "muscle", "viscous", "drag", "friction", "normal", "integrator"):
         columns[f"{name}_uJ"] = walk.motion.energy(name)
     columns["unexplained_uJ"] = walk.motion.energy_error
     plain = ([f"{v:.9g}" if isinstance(v, float) else v for v in np.asarray(c).tolist()] for c in columns.values())
@@ -163,7 +163,7 @@ def _draw_one(figures: Path, walk: SolidWalk) -> list[tuple[Path, str]]:
             drive=walk.drive, title=f"Forces on the solid's feet over a stroke at {name}",
         )  # fmt: skip
     stored = {key: motion.energy(key) for key in ("kinetic", "strain", "weight")}
-    work = {key: motion.energy(key) for key in ("muscle", "viscous", "friction", "normal", "integrator")}
+    work = {key: motion.energy(key) for key in ("muscle", "viscous", "drag", "friction", "normal", "integrator")}
     out.append((figures / f"energy_{word}.png", f"Energy stored in the solid, work on it, and the rest, at {name}."))
     energy_book(
         out[-1][0], walk.times, stored, {key: values for key, values in work.items() if np.ptp(values) > 0.0},

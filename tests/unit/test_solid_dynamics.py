@@ -60,7 +60,7 @@ def test_the_tangent_of_backward_euler_is_the_derivative(hill: ForceVelocity | N
     state = State(u0, draw.normal(size=(n, 3)), np.zeros((n, 3)), untouched(0))
     interval = Interval(3e-3, Step(tension=0.7), Step(tension=0.7))
     here = stepper.forces(state, u, interval)
-    data = stepper._tangent(here.points, here.points.S, u, interval)
+    data = stepper._tangent(here, here.points.S, u, interval)
     along = body.system.product(data, direction.ravel())
 
     def force(eps: float) -> np.ndarray:

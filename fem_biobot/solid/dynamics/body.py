@@ -1,4 +1,4 @@
-"""A solid model as a body in motion: its mass, weight and viscosity beside its static equations."""
+"""A solid model as a body in motion: its mass, weight, viscosity and drag beside its static equations."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy import sparse
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array
+from fem_biobot.solid.dynamics.drag import DragTerm, SurfaceDrag, drag_term
 from fem_biobot.solid.held import Held
 from fem_biobot.solid.linear import product
 from fem_biobot.solid.mass import density_of, mass_matrix
@@ -41,6 +42,8 @@ class MovingBody:
         Moduli ``damping_time D_rest`` by which strain rates make stress, (21, e, q) [kPa s]; None without damping.
     node_mass
         Mass that each node stands for, ``int rho N_a``, (n,) [kg].
+    drag
+        Of the medium on its surface; None without.
     """
 
     model: SolidModel
@@ -49,6 +52,7 @@ class MovingBody:
     weight: Array
     viscosity: Array | None
     node_mass: Array
+    drag: DragTerm | None = None
 
     def momentum_of(self, v: Array) -> Array:
         """Mass matrix times velocities (n, 3), in global axes, (n, 3) [kg mm/s]."""
@@ -74,6 +78,7 @@ def moving_body(
     medium_density: float = 0.0,
     damping_time: float = 0.0,
     free: bool = False,
+    drag: SurfaceDrag | None = None,
 ) -> MovingBody:
     """Put a model in motion.
 
@@ -91,6 +96,8 @@ def moving_body(
         strain over stress per strain.
     free
         Let go of all supports but foundations.
+    drag
+        Of the medium; see `SurfaceDrag`. None by default.
 
     Raises
     ------
@@ -124,7 +131,9 @@ def moving_body(
         rest = system.points(system.deformation_gradient(np.zeros((body.n_nodes, 3))), 0.0)
         viscosity = damping_time * rest.D
     weight = np.outer(node_mass - medium_density * node_volume, g)
-    return MovingBody(model, system, mass_matrix(system, model.mesh, densities), weight, viscosity, node_mass)
+    wetted = None if drag is None else drag_term(drag, model.mesh, system)
+    mass = mass_matrix(system, model.mesh, densities)
+    return MovingBody(model, system, mass, weight, viscosity, node_mass, wetted)
 
 
 def released(system: System) -> System:

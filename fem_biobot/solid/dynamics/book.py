@@ -1,8 +1,8 @@
 """The book of energies of a motion: what is stored, and by whose work it changed; it closes up to the tolerance.
 
 Every entry is computed from its own quantities, none as what is left over: kinetic, strain and potential energy at the
-end of a step, and the work over it of muscle, loads, viscosity, friction, normal forces, supports. The integrator's own
-share is what inertia and stress take beyond the change of their energies.
+end of a step, and the work over it of muscle, loads, viscosity, friction, normal forces, supports, drag. The
+integrator's own share is what inertia and stress take beyond the change of their energies.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from fem_biobot.solid.dynamics.strain import green_lagrange, strain_change, work
 
 # the first three are states, the others sums over time [uJ]
 BOOK = (
-    "kinetic", "strain", "weight", "muscle", "loads", "viscous", "friction", "normal", "supports", "integrator",
+    "kinetic", "strain", "weight", "muscle", "loads", "viscous", "friction", "normal", "supports", "integrator", "drag",
 )  # fmt: skip
 
 
 def begun(body: MovingBody, u: Array, v: Array) -> Array:
-    """The book where a motion begins, (10,) [uJ]."""
+    """The book where a motion begins, (11,) [uJ]."""
     book = np.zeros(len(BOOK))
     passive = body.system.points(body.system.deformation_gradient(u), 0.0, moduli=False)
     book[:3] = kinetic(body, v), float(np.sum(passive.psi * body.system.space.dV)), -float(np.sum(body.weight * u))
@@ -70,6 +70,8 @@ def entered(
         done = np.sum(after.touch.force * moved, axis=0)
         out[6] += float(done[1] + done[2])
         out[7] += float(done[0])
+    if forces.drag is not None:
+        out[10] += float(np.sum(forces.drag * du))
     held = system.held.dofs
     if held.size:
         out[8] += float(forces.reaction @ system.to_local(du).ravel()[held])
@@ -78,6 +80,6 @@ def entered(
 
 
 def unexplained(book: Array) -> Array:
-    """What the book does not explain, (s,) [uJ], of its rows (s, 10)."""
+    """What the book does not explain, (s,) [uJ], of its rows (s, 11)."""
     stored = book[:, :3].sum(axis=1)
     return stored - stored[0] - (book[:, 3:] - book[0, 3:]).sum(axis=1)

@@ -19,6 +19,7 @@ from fem_biobot.material.law import Array
 from fem_biobot.solid.dynamics.body import MovingBody, moving_body
 from fem_biobot.solid.dynamics.book import begun, entered
 from fem_biobot.solid.dynamics.contact import Contact, untouched
+from fem_biobot.solid.dynamics.drag import SurfaceDrag
 from fem_biobot.solid.dynamics.feet import feet_of
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint, SolidMotion, SolidMotionInterrupted
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
@@ -44,6 +45,7 @@ def solid_dynamics(
     medium_density: float = 0.0,
     damping_time: float = 0.0,
     free: bool = False,
+    drag: SurfaceDrag | None = None,
     ground: Ground | None = None,
     feet: Sequence[str] = (),
     drive: Drive | None = None,
@@ -61,7 +63,7 @@ def solid_dynamics(
         What moves; a `MovingBody` has its densities, gravity, damping and supports already.
     duration, step
         [s]. The last step is as long as the others; `duration` is rounded to a whole number of them.
-    densities, gravity, medium_density, damping_time, free
+    densities, gravity, medium_density, damping_time, free, drag
         See `moving_body`.
     ground, feet
         A plane with friction, and the surfaces that it stops; none by default.
@@ -116,8 +118,9 @@ def solid_dynamics(
         if densities is None:
             raise ModelError("solid_dynamics: densities: found none, expected one for every region [kg/mm^3]")
         body = moving_body(
-            model, densities, gravity=gravity, medium_density=medium_density, damping_time=damping_time, free=free
-        )
+            model, densities, gravity=gravity, medium_density=medium_density, damping_time=damping_time, free=free,
+            drag=drag,
+        )  # fmt: skip
     run = _Run(body, ground, feet, drive, settings or DynamicsSettings())
     run.begin(start, velocity, step)
     left = round(duration / step)

@@ -75,7 +75,7 @@ class SolidMotion:
     slip_share, contact_share
         Share of the time since the last sample in which a point slipped, or bore a force, (s, c) [1].
     book
-        Energies at the samples, (s, 10) [uJ]; columns are `solid.dynamics.book.BOOK`.
+        Energies at the samples, (s, 11) [uJ]; columns are `solid.dynamics.book.BOOK`.
     drive
         What drove it at each sample.
     steps, iterations, factorisations, halved

@@ -80,6 +80,10 @@ class Forces(NamedTuple):
         What it is where held: the force of the supports, (held,) [mN].
     external
         Of loads and foundations, (n, 3) [mN].
+    speed
+        Mean velocity of the nodes over the step, (n, 3) [mm/s], at which the medium drags.
+    drag
+        Of the medium, (n, 3) [mN]; None without.
     scale
         Norm of the summed sizes of forces [mN].
     """
@@ -90,6 +94,8 @@ class Forces(NamedTuple):
     unbalanced: Array
     reaction: Array
     external: Array
+    speed: Array
+    drag: Array | None
     scale: float
 
 
@@ -179,12 +185,16 @@ class Stepper:
         points = Points(F, S, D, np.zeros(0))
         internal, magnitude = system.internal_force(points)
         external = system.external_force(at, interval.drive)
-        unbalanced = system.to_local(internal + inertia - external - body.weight).ravel()
+        speed = (u - state.u) / h
+        drag = None if body.drag is None else body.drag.force(speed)
+        outside = external + body.weight if drag is None else external + body.weight + drag
+        unbalanced = system.to_local(internal + inertia - outside).ravel()
         reaction = unbalanced[system.held.dofs]
         unbalanced[system.held.dofs] = 0.0
         momentum = body.node_mass[:, None] * (np.abs(state.v) + np.abs(u - state.u) / h) / h
-        scale = max(float(np.linalg.norm(part)) for part in (magnitude, external, body.weight, momentum))
-        return Forces(points, passive, viscous, unbalanced, reaction, external, scale)
+        given = (magnitude, external, body.weight, momentum, *(() if drag is None else (drag,)))
+        scale = max(float(np.linalg.norm(part)) for part in given)
+        return Forces(points, passive, viscous, unbalanced, reaction, external, speed, drag, scale)
 
     def _correction(self, S: Array, F0: Array, F1: Array, dE: Array) -> Array:
         """Stress along the change of strain that makes the work of the passive stress the change of its energy."""
@@ -196,7 +206,7 @@ class Stepper:
         missing = psi[1] - psi[0] - np.einsum("aeq,aeq->eq", S, dE)
         return np.where(size > _STILL**2, missing / np.where(size > 0.0, size, 1.0), 0.0) * tensor
 
-    def _factorise(self, points: Points, S: Array, u: Array, interval: Interval) -> None:
+    def _factorise(self, forces: Forces, S: Array, u: Array, interval: Interval) -> None:
         """Factor the step's tangent; where it is not positive definite, without its geometric part.
 
         A body that the ground holds up may topple without it: then the tangent without contact has a negative
@@ -204,18 +214,20 @@ class Stepper:
         """
         self._length = 0.0
         try:
-            self.factor.factor(self._tangent(points, S, u, interval))
+            self.factor.factor(self._tangent(forces, S, u, interval))
         except NotPositiveDefiniteError:
-            self.factor.factor(self._tangent(points, np.zeros_like(S), u, interval))
+            self.factor.factor(self._tangent(forces, np.zeros_like(S), u, interval))
         self._length = interval.h
         if self.contact is not None:
             self.contact.renew()
 
-    def _tangent(self, points: Points, S: Array, u: Array, interval: Interval) -> Array:
+    def _tangent(self, forces: Forces, S: Array, u: Array, interval: Interval) -> Array:
         """Upper triangle of the derivative of the unbalanced force, with the stress `S` in its geometric part."""
-        system = self.body.system
-        data = self.settings.theta(interval.h) * system.matrix(points, S, u, interval.drive)
+        system, drag = self.body.system, self.body.drag
+        data = self.settings.theta(interval.h) * system.matrix(forces.points, S, u, interval.drive)
         data += self._inertia(interval.h)
+        if drag is not None:
+            data[drag.to.places] += drag.stiffness(forces.speed) / interval.h
         system.block(data)
         return data
 
@@ -282,7 +294,7 @@ class Stepper:
                 points = at.forces.points
                 # after a whole Newton step the stress carried along from before it: see `solid.newton`
                 S = points.S if fresh is None else system.carry(fresh, points.F, np.zeros(0))
-                self._factorise(points, S, at.u, interval)
+                self._factorise(at.forces, S, at.u, interval)
                 factorisations, fresh = factorisations + 1, points
             else:
                 fresh = None

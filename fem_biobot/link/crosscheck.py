@@ -127,6 +127,8 @@ class CrossCheck:
         What was used instead of what.
     levelled
         States of the solid and of the rods in closed form at the tensions that both reached.
+    modes_at
+        Tension of the state that `modes` are about [kPa].
     """
 
     design: Design
@@ -139,23 +141,27 @@ class CrossCheck:
     outlines: dict[str, tuple[Array, list[Array]]] = field(default_factory=dict)
     notes: tuple[str, ...] = field(default=())
     levelled: Both = ()
+    modes_at: float = 0.0
 
     def rows(self, stiffness: Stiffness = Stiffness.closed_form) -> list[Row]:
         """Every quantity at every tension that both models reached, then the stroke."""
-        expected = self.expectation.of if stiffness is Stiffness.closed_form else {}
+        stated = stiffness is Stiffness.closed_form
         both = list(zip(self.solid, self.rods[stiffness], strict=False))
-        found = [
-            Row(a.tension, name, stiffness, a.numbers[name], b.numbers[name], expected.get(name))
-            for a, b in both
-            for name in QUANTITIES
-        ]
+        found = []
+        for a, b in both:
+            expected = self.expectation.at(a.tension) if stated else {}
+            found += [
+                Row(a.tension, name, stiffness, a.numbers[name], b.numbers[name], expected.get(name))
+                for name in QUANTITIES
+            ]
         passive, peak = (self.design.tension(drive) for drive in (0.0, self.design.drive.amplitude))
         ends = [pair for pair in both if pair[0].tension in (passive, peak)]
         if len(ends) == 2:
             (solid0, rods0), (solid1, rods1) = ends
             name = "tip_closing_mm"
             solid, rods = (b.numbers[name] - a.numbers[name] for a, b in ((solid0, solid1), (rods0, rods1)))
-            found.append(Row(solid1.tension, "stroke_mm", stiffness, solid, rods, expected.get(name)))
+            expected = self.expectation.stroke(passive, peak) if stated else None
+            found.append(Row(solid1.tension, "stroke_mm", stiffness, solid, rods, expected))
         return found
 
 
@@ -284,6 +290,7 @@ def crosscheck(
         outlines,
         tuple(notes),
         level_both(solid, states, RodSide(design, rods), by_rods[Stiffness.closed_form][1], levels),
+        levels[common],
     )
 
 

@@ -54,13 +54,13 @@ def differences(
     path: str | os.PathLike[str],
     tension: ArrayLike,
     found: Mapping[str, ArrayLike],
-    expected: Mapping[str, tuple[float, float]],
+    expected: Mapping[str, ArrayLike],
     *,
     title: str,
 ) -> None:
     """Relative differences over tension, one panel a quantity, each with the band in which it was expected.
 
-    `found` has a row (t,) for each quantity [1], `expected` the band of some of them [1].
+    `found` has a row (t,) for each quantity [1], `expected` the band of some of them, (t, 2) [1], or nothing.
 
     Raises
     ------
@@ -71,9 +71,9 @@ def differences(
     figure, axes = side_by_side(len(names), (2.3 * len(names), 3.4))
     for each, name in zip(axes, names, strict=True):
         xs, ys = paired(path, name, tension, found[name])
-        if name in expected:
-            low, high = expected[name]
-            each.axhspan(100.0 * low, 100.0 * high, color=SOFT, alpha=0.25, linewidth=0)
+        band = np.asarray(expected.get(name, ()), dtype=float).reshape(-1, 2)
+        if len(band) == len(xs):
+            each.fill_between(xs, *(100.0 * band.T), color=SOFT, alpha=0.25, linewidth=0)
         each.axhline(0.0, color=SOFT, linewidth=0.8)
         each.plot(xs, 100.0 * ys, "-o", color=COLOURS[0], linewidth=1.6, markersize=3.6)
         each.set_title(name, fontsize=8.5, color=INK)

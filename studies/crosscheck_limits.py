@@ -3,7 +3,8 @@
 Question
 --------
 The cross-check states beforehand why a solid and its rods in closed form differ: ends of the beam yield, a wide beam
-is a plate, pillars bend, strains are large. Does each difference vanish in its own limit, and as fast as it must?
+is a plate, pillars bend, rings spread the muscle's pull and lift it where it is clamped, strains are large. Does each
+difference vanish in its own limit, and as fast as it must?
 
 Run: ``python studies/crosscheck_limits.py [--level smoke|full] [--out FOLDER]``; four minutes at level full.
 """
@@ -26,12 +27,19 @@ from fem_biobot.design import Design
 from fem_biobot.files import replacing
 from fem_biobot.link.at_load import parts_of
 from fem_biobot.link.expected import causes
+from fem_biobot.link.folding import Folding
+from fem_biobot.link.parts import BONDS, part_of
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.sections import closed_forms, flexibility
 from fem_biobot.link.solid_side import SolidSide
+from fem_biobot.link.strip import strip_from_mesh
 from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.muscle.fibres import fibre_field
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.reduce import reduce
+from fem_biobot.solid.from_design import law_of, tension_of, tension_step
+from fem_biobot.solid.model import SolidModel, solve
+from fem_biobot.solid.records import Fix, Step
 from fem_biobot.study.outputs import write_table
 from fem_biobot.study.reporter import Silent
 from fem_biobot.tables import Table
@@ -51,21 +59,36 @@ NARROW: dict[str, Any] = {
 THICKNESSES = {"smoke": (0.68, 0.34), "full": (0.68, 0.48, 0.34, 0.24)}  # mm
 SPANS = {"smoke": (7.0, 14.0), "full": (7.0, 14.0, 28.0)}  # mm, of a beam 3.5 mm wide
 PILLARS = {"smoke": (1.4, 1.0), "full": (2.8, 2.0, 1.4, 1.0)}  # mm along the machine
+RINGS = {"smoke": (0.5, 0.25), "full": (1.0, 0.5, 0.25)}  # mm thick, of tissue without Poisson's ratio
+STRIPS = {"smoke": (0.56, 0.4), "full": (0.56, 0.4, 0.28)}  # mm thick, of muscles clamped to turned bonds
+PULL = 1.0  # kPa, with which they pull
 TENSIONS = {"smoke": (0.2, 0.9, 1.8), "full": (0.1, 0.3, 0.6, 1.2, 2.4, 4.8)}  # kPa
 SIZE = {"smoke": 2.0, "full": 1.2}  # mm, and of a beam over its thickness
 # names of the limits, with the rate at which the difference must fall
-RATES = {"slender beam": 1.0, "long beam": -1.0, "stiff pillars": -3.0, "small strain": 1.0}
+RATES = {
+    "slender beam": 1.0,
+    "long beam": -1.0,
+    "stiff pillars": -3.0,
+    "thin rings": math.nan,
+    "thin strip": 1.0,
+    "small strain": 1.0,
+}
 
 # --- quantity, and why it can converge --------------------------------------------------------------------------------
 #
 # Of the first three, the motion of the bonds of the skeleton against each other under small wrenches on them, over that
-# of a beam between rigid pillars in closed form, less 1; of the last, the closing of the solid over that of rods with
-# constants by unit loads. Each is a ratio of displacements that converge; sharp corners converge slowly, but the share
-# that is missing is the same at every point of a limit, since the mesh's size goes with the length that shrinks.
+# of a beam between rigid pillars in closed form, less 1; of rings, the stiffness of the muscle between its bonds over
+# that of the strip alone, less 1; of the strip, by which share of the arm its line of pull is lifted at a turn of a
+# radian, rings in proportion; of the last, the closing of the solid over that of rods with constants by unit loads.
+# Each is a ratio of displacements that converge; sharp corners converge slowly, but the share that is missing is the
+# same at every point of a limit, since the mesh's size goes with the length that shrinks.
 #
 # * The yield of a built-in end is that of a depth of material of the order of the thickness: of the whole span, h / L.
 # * Ends keep a beam from curving sideways within a width of them: of the whole span, b / L.
 # * A pillar of length a along the machine bends by c^3 / (3 E I_p), and I_p is b a^3 / 12.
+# * A ring takes part over its thickness w: of the muscle's whole length, w / L; one thinner than the strip with the
+#   square, since the load has no way to spread. Its rate is that of what was stated.
+# * A clamped strip of thickness t under a tension is lifted by sqrt(E I / N), in proportion to t, and so by its rings.
 # * Laws are linear to first order in the strain, and so is what they leave out.
 
 
@@ -78,10 +101,14 @@ class Study:
     def of(self, limit: str) -> list[Row]:
         return [row for row in self.rows if row["limit"] == limit]
 
-    def slope(self, limit: str) -> float:
+    def slope(self, limit: str, key: str = "difference_1") -> float:
         """Between the two points nearest to the limit, which come last."""
-        (x0, y0), (x1, y1) = ((row["at"], row["difference_1"]) for row in self.of(limit)[-2:])
+        (x0, y0), (x1, y1) = ((row["at"], row[key]) for row in self.of(limit)[-2:])
         return math.log(abs(y1 / y0)) / math.log(x1 / x0)
+
+    def rate(self, limit: str) -> float:
+        """At which the difference must fall; without one of its own that of what was stated."""
+        return self.slope(limit, "stated_1") if math.isnan(RATES[limit]) else RATES[limit]
 
 
 def changed(**values: Any) -> Design:
@@ -101,8 +128,45 @@ def approach(design: Design, size: float) -> float:
 
 
 def stated(design: Design, name: str) -> float:
-    """The largest difference that a cause was expected to make in the compliance."""
-    return max(abs(v) for cause in causes(design) if name in cause.name for v in cause.compliance)
+    """The largest difference that a cause was expected to make in the compliance, or in the tissue's stiffness."""
+    return max(abs(v) for cause in causes(design) if name in cause.name for v in (*cause.compliance, *cause.tissue))
+
+
+def spread(design: Design, size: float) -> float:
+    """Stiffness of the muscle between its bonds over that of the strip alone, less 1."""
+    strip = strip_from_mesh(design, mesh_for(design, size)[0])
+    alone = design.span / (design.value("muscle.material.young") * design.junction_section)
+    return alone / float((np.diff(strip.x) / strip.EA).sum()) - 1.0
+
+
+def lifted(design: Design, size: float) -> float:
+    """How far the line of pull of a muscle is lifted by a turn of its bonds, over the turn and the arm.
+
+    The couple that turns the bonds a little over the muscle's force.
+    """
+    mesh = mesh_for(design, size)[0]
+    body, turn = part_of(mesh, "muscle"), 1e-4
+    ends = [np.array([side * design.span / 2, 0.0, design.value("muscle.junction_height")]) for side in (-1.0, 1.0)]
+    bonds = [
+        Fix(
+            bond,
+            "xyz",
+            lambda X, end=end: np.cross(
+                [0.0, -np.sign(end[0]) * turn, 0.0], X - end[:, None], axisa=0, axisb=0, axisc=0
+            ),
+        )
+        for bond, end in zip(BONDS, ends, strict=True)
+    ]
+    model = SolidModel(
+        body,
+        {"muscle": law_of(design.value("muscle.material"))},
+        {"muscle": tension_of(design, fibre_field(design, mesh))},
+        bonds,
+    )
+    factor = tension_step(design, PULL).tension
+    held, turned = solve(model, [Step(0.0, factor), Step(1.0, factor)]).states
+    couple = [state.reaction_moment(BONDS[1], tuple(ends[1].tolist()))[1] for state in (held, turned)]
+    return abs(couple[1] - couple[0]) / (turn * abs(held.reaction(BONDS[1])[0]) * design.moment_arm)
 
 
 def run(level: str) -> Study:
@@ -134,6 +198,18 @@ def run(level: str) -> Study:
         design = standing(length)
         more = approach(design, 1.5) / rigid - 1.0
         add("stiff pillars", length, more, stated(design, "pillars bend"))
+    for w in RINGS[level]:
+        design = changed(muscle__ring_thickness=w, muscle__material__poisson=0.0)
+        add(
+            "thin rings",
+            w / design.span,
+            spread(design, 2.0 if level == "smoke" else 1.2),
+            stated(design, "rings spread"),
+        )
+    for t in STRIPS[level]:
+        design = changed(muscle__junction_thickness=t, muscle__ring_thickness=1.25 * t, **NARROW)
+        of_strip = Folding(design, clamped=1.0).lift(0.0, PULL * design.junction_section) / design.moment_arm
+        add("thin strip", t, lifted(design, 1.5 * t), of_strip)
     for row in strained(level):
         study.rows.append(row)
     return study
@@ -161,8 +237,9 @@ def strained(level: str) -> list[Row]:
 
 
 def expect(study: Study) -> None:
-    """Each difference falls towards its limit at its rate; plate and pillars stay within what was stated."""
-    for limit, rate in RATES.items():
+    """Each difference falls towards its limit at its rate; plate, pillars, rings stay within what was stated."""
+    for limit in RATES:
+        rate = study.rate(limit)
         sizes = [abs(row["difference_1"]) for row in study.of(limit)]
         falls = limit != "stiff pillars"  # whose last point is the farthest from the limit
         assert all((b < a) == falls for a, b in pairwise(sizes)), f"{limit}: the difference does not fall"
@@ -170,9 +247,12 @@ def expect(study: Study) -> None:
         band = 0.6 if limit == "stiff pillars" else 0.15
         slope = study.slope(limit)
         assert abs(slope - rate) < band, f"{limit}: the difference falls with power {slope:.2f}, expected {rate:g}"
-    for limit in ("long beam", "stiff pillars"):
+    for limit in ("long beam", "stiff pillars", "thin rings"):
         for row in study.of(limit):
             assert 0.0 < abs(row["difference_1"]) < row["stated_1"], f"{limit}: beyond what was stated at {row['at']:g}"
+    for row in study.of("thin strip"):
+        off = row["difference_1"] / row["stated_1"] - 1.0
+        assert abs(off) < 0.15, f"thin strip: {off:+.1%} off what was stated at {row['at']:g} mm"
     left = study.of("small strain")[0]["left_1"]
     assert abs(left) < 0.02, f"small strain: {left:+.1%} is left at none"
 
@@ -186,6 +266,8 @@ Level full, four minutes.
   slender beam, h / L            11.8 % at 0.097  4.1 % at 0.034  1.04     1          8.6 to 3.0 %
   long beam, L / b               -5.6 % at 2      -1.5 % at 8     -0.96    -1         at most 20 %
   pillar along the machine [mm]  13.2 % at 1.0    0.3 % at 2.8    -3.4     -3         15.4 to 0.8 %
+  ring over span, w / L          18.2 % at 0.14   1.9 % at 0.036  1.67     1.66       33.9 to 6.8 %
+  strip, rings in proportion     24.7 % at 0.56   13.0 % at 0.28  0.99     1          23.5 to 11.9 %
   tension [kPa]                  -2.1 % at 4.8    -0.03 % at 0.1  1.04     1          -
 
 * Each difference vanishes with its cause, at its rate.
@@ -206,7 +288,7 @@ Several limits at once; torsion and motion across; slender beams that are wide (
 def tables(study: Study) -> list[Table]:
     """What is printed."""
     lines = [(r["limit"], r["at"], 100.0 * r["difference_1"], 100.0 * r["stated_1"]) for r in study.rows]
-    slopes = [(limit, study.slope(limit), rate) for limit, rate in RATES.items()]
+    slopes = [(limit, study.slope(limit), study.rate(limit)) for limit in RATES]
     return [
         Table("Differences", ("limit", "at", "difference [%]", "stated beforehand [%]"), tuple(lines)),
         Table("Powers", ("limit", "found", "expected"), tuple(slopes)),
@@ -217,10 +299,12 @@ def write(study: Study, folder: Path) -> None:
     """CSV file, and a picture of each difference with its slope."""
     folder.mkdir(parents=True, exist_ok=True)
     write_table(folder / "limits.csv", [{"left_1": math.nan, **row} for row in study.rows])
-    figure = Figure(figsize=(13.0, 3.4), dpi=150, layout="constrained")
+    figure = Figure(figsize=(13.0, 6.4), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
-    names = ("thickness over span [1]", "span over width [1]", "length of a pillar [mm]", "tension [kPa]")
-    for panel, (limit, rate), name in zip(figure.subplots(1, 4), RATES.items(), names, strict=True):
+    names = ("thickness over span [1]", "span over width [1]", "length of a pillar [mm]")
+    names = (*names, "ring over span [1]", "thickness of the strip [mm]", "tension [kPa]")
+    for panel, limit, name in zip(figure.subplots(2, 3).ravel(), RATES, names, strict=True):
+        rate = study.rate(limit)
         x, y = (np.array([abs(row[key]) for row in study.of(limit)]) for key in ("at", "difference_1"))
         panel.loglog(x, 100.0 * y, "o-", markersize=4, label=f"found, power {study.slope(limit):.2f}")
         panel.loglog(x, 100.0 * y[-1] * (x / x[-1]) ** rate, "k--", linewidth=0.8, label=f"power {rate:g}")

@@ -218,8 +218,8 @@ def causes(design: Design, *, plate: bool = False) -> tuple[Cause, ...]:
             rigid,
             zero,
             (rigid[0] / (span - rigid[0]), rigid[1] / (span - rigid[1])),
-            "of a ring's thickness w on each side: from a load that spreads by 45 degrees upwards and downwards to the "
-            "whole ring's section at once",
+            "2 (w - int t / (t + c x) dx) over a ring's thickness w, up to its height: a load that spreads by half of "
+            "its way on each side, c = 1, to one that does by 45 degrees, c = 2",
             "thin rings, w / L to 0",
             foreseen=False,
         ),
@@ -230,8 +230,8 @@ def causes(design: Design, *, plate: bool = False) -> tuple[Cause, ...]:
             (_lifted(design), 0.0),
             zero,
             "arm shorter by the turn times sqrt(E I / N / (1 + N / S)) of the strip (Timoshenko's beam under tension), "
-            "up to full tension",
-            "a thin strip, t / l to 0; small turns",
+            "and times the thickness of rings that turn as well, as far as they are stiff; up to full tension",
+            "a thin strip and thin rings, t / l and w / l to 0; small turns",
             foreseen=False,
         ),
     )
@@ -239,28 +239,25 @@ def causes(design: Design, *, plate: bool = False) -> tuple[Cause, ...]:
 
 def _rigid(design: Design) -> Interval:
     """Length of the muscle that does not shorten because rings around its ends take part in it [mm], least and most."""
-    m, s = design.value("muscle"), design.value("skeleton")
+    m = design.value("muscle")
     w, t, height = m.ring_thickness, m.junction_thickness, max(m.ring_height, m.junction_thickness)
-    # where the load that spreads by 45 degrees has the ring's height
-    full = min(w, 0.5 * (height - t))
-    least = w - (0.5 * t * math.log(1.0 + 2.0 * full / t) + (w - full) * t / height)
-    most = w * (1.0 - min(t * m.junction_width / (height * max(s.pillar_width, m.junction_width)), 1.0))
-    return 2.0 * least, 2.0 * most
 
+    def lost(slope: float) -> float:
+        """Of one ring, in which the load's height grows by a slope up to the ring's."""
+        full = min(w, (height - t) / slope)
+        return w - t / slope * math.log(1.0 + slope * full / t) - (w - full) * t / height
 
-def _full(design: Design) -> tuple[Folding, float, dict[str, float] | None]:
-    """The machine with clamped ends, the highest tension of its drive [kPa], and what it is then without clamps."""
-    tension = design.tension(design.drive.amplitude)
-    return Folding(design, clamped=1.0), tension, Folding(design).at(tension)
+    return 2.0 * lost(1.0), 2.0 * lost(2.0)
 
 
 def _lifted(design: Design) -> float:
-    """By which fraction clamped ends stiffen the skeleton, at the most: with the square of the arm."""
-    clamped, _, found = _full(design)
+    """By which fraction a muscle that is lifted stiffens the skeleton at full tension: with the square of the arm."""
+    machine = Folding(design, clamped=1.0)
+    found = Folding(design).at(design.tension(design.drive.amplitude))
     if found is None:
         return -1.0
     way = design.span * (1.0 - found["fibre_stretch_1"])
-    lift = clamped.lift(way, found["muscle_force_mN"]) * math.radians(found["pillar_rotation_deg"])
+    lift = machine.lift(way, found["muscle_force_mN"]) * math.radians(found["pillar_rotation_deg"])
     return (1.0 - min(lift / design.moment_arm, 1.0)) ** 2 - 1.0
 
 

@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -24,6 +26,7 @@ from fem_biobot.design import Design
 
 _LARGEST = 1.4  # turn that is looked for [rad]
 _SHEAR = 5.0 / 6.0
+_RING = 100  # slices of a ring over which compliances are summed
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,8 @@ class Folding:
         """What the cross-check compares, at a nominal tension [kPa]; None where there is no equilibrium."""
         if not self._unbalanced(_LARGEST, tension) > 0.0:
             return None
-        p = float(brentq(self._unbalanced, 1e-9, _LARGEST, (tension,), xtol=1e-13))
+        found: Any = brentq(self._unbalanced, 1e-9, _LARGEST, (tension,), xtol=1e-13)
+        p = float(found)
         L, s = self.design.span, self.design.value("skeleton")
         q, way = p / (1.0 + self.ends), self._way(p)
         h = s.short_pillar_height + s.long_pillar_height
@@ -103,19 +107,31 @@ class Folding:
         return tension * self.design.junction_section * math.sin(m.theta) - self._resistance(way)
 
     def lift(self, way: float, force: float) -> float:
-        """How far a clamped end lifts the line of a pull N, by its turn: ``sqrt(E I / N / (1 + N / S))`` [mm].
+        """How far clamped ends lift the line of a pull N, by the turn of a pillar [mm].
 
-        A tensed beam of bending stiffness ``E I`` and shear stiffness ``S`` whose end is turned (Timoshenko's beam
-        under axial force): the turn of its sections fades as ``exp(-x / sqrt(E I (1 + N / S) / N))``. ``E I`` is that
-        of the strip, with the tangent of its law.
+        A tensed beam of bending stiffness ``E I`` and shear stiffness ``S`` whose end is turned resists with the couple
+        ``z = sqrt(E I N')`` by the turn, ``N' = N / (1 + N / S)``: Timoshenko's beam under axial force, in which the
+        turn of the sections fades as ``exp(-x N' / z)``. Between pillar and strip there is a ring of thickness ``w``
+        and of ``z_r``, ``N'_r``, in which the load spreads by 45 degrees on every side; together
+        ``z_r (z + z_r h) / (z_r + z h)`` with ``h = tanh(w N'_r / z_r)``, over N. Without a ring that is ``z / N``, of
+        a rigid one ``w`` more. ``E`` is the tangent of the strip's law, over ``1 - nu^2``: a clamped end is flat.
         """
         if not force > 0.0:
             return 0.0
         m, (_, tangent) = self.design.value("muscle"), self._strip(way)
-        area, E = self.design.junction_section, m.material.young
-        EI = tangent * E * area * m.junction_thickness**2 / 12.0
-        S = _SHEAR * E / (2.0 * (1.0 + m.material.poisson)) * area
-        return self.clamped * math.sqrt(EI / force / (1.0 + force / S))
+        area, E, t, w = self.design.junction_section, m.material.young, m.junction_thickness, m.ring_thickness
+        nu, width = m.material.poisson, m.junction_width
+        EI = tangent * E / (1.0 - nu**2) * area * t**2 / 12.0
+        S = _SHEAR * E / (2.0 * (1.0 + nu)) * area
+        # height and width of what bears the load over the ring's thickness, over the strip's
+        x = w * (np.arange(_RING) + 0.5) / _RING
+        height = np.minimum(t + 2.0 * x, max(m.ring_height, t)) / t
+        across = np.minimum(width + 2.0 * x, max(self.design.value("skeleton.pillar_width"), width)) / width
+        sheared, bent = (float(np.mean(1.0 / (across * height**power))) for power in (1, 3))
+        pull, pull_of_ring = force / (1.0 + force / S), force / (1.0 + force * sheared / S)
+        strip, ring = math.sqrt(EI * pull), math.sqrt(EI / bent * pull_of_ring)
+        h = math.tanh(w * pull_of_ring / ring)
+        return self.clamped * ring * (strip + ring * h) / (ring + strip * h) / force
 
     def _unbalanced(self, p: float, tension: float) -> float:
         """What resists a turn less what drives it [uJ]."""

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_differences_vanish_at_their_rates() -> None:
-    """Of slender and long beams, stiff pillars, small strain; both tables have whole rows.
+    """Of slender and long beams, stiff pillars, thin rings and strips, small strain; both tables have whole rows.
 
     Catches: a difference of two meshes, moduli of the wrong part, a couple about another point.
     """
@@ -37,7 +37,7 @@ def test_the_study_writes_a_table_and_a_picture(tmp_path: Path) -> None:
 
 
 def test_the_study_refuses_other_rates_and_what_was_not_stated() -> None:
-    """A difference that stays, one that falls too fast, one beyond what was stated, one left at no strain.
+    """One that stays, that falls too fast or at another rate than stated, beyond what was stated, left at no strain.
 
     Catches: expectations that hold for anything.
     """
@@ -46,6 +46,8 @@ def test_the_study_refuses_other_rates_and_what_was_not_stated() -> None:
         ("slender beam", -1, "difference_1", 3.0, "does not fall"),
         ("long beam", -1, "difference_1", 0.5, "falls with power"),
         ("stiff pillars", 0, "stated_1", 0.1, "beyond what was stated"),
+        ("thin rings", 0, "stated_1", 0.7, "falls with power"),
+        ("thin strip", 0, "stated_1", 0.8, "off what was stated"),
         ("small strain", 0, "left_1", 10.0, "is left at none"),
     ):
         found = copy.deepcopy(smoke_of("crosscheck_limits"))

@@ -317,7 +317,7 @@ def write(study: Study, folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Limits in which solid and rods meet.")
     parser.add_argument("--level", choices=tuple(THICKNESSES), default="full")
     parser.add_argument("--out", type=Path, default=Path("runs") / "studies" / "crosscheck_limits")
     options = parser.parse_args()

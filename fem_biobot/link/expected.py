@@ -97,8 +97,7 @@ class Expectation:
 
     def _bands(self, measured: Measured) -> dict[str, Interval]:
         """Sums over the causes, each by itself, of the least and of the most that it changes."""
-        base = measured(self.rods)
-        if base is None or not self.causes:
+        if not self.causes or (base := measured(self.rods)) is None:
             return {}
         low, high = dict.fromkeys(base, 0.0), dict.fromkeys(base, 0.0)
         for cause in self.causes:

@@ -116,7 +116,7 @@ class Folding:
         ``z_r (z + z_r h) / (z_r + z h)`` with ``h = tanh(w N'_r / z_r)``, over N. Without a ring that is ``z / N``, of
         a rigid one ``w`` more. ``E`` is the tangent of the strip's law, over ``1 - nu^2``: a clamped end is flat.
         """
-        if not force > 0.0:
+        if self.clamped == 0.0 or not force > 0.0:
             return 0.0
         m, (_, tangent) = self.design.value("muscle"), self._strip(way)
         area, E, t, w = self.design.junction_section, m.material.young, m.junction_thickness, m.ring_thickness

@@ -266,8 +266,8 @@ Level full, four minutes.
   slender beam, h / L            11.8 % at 0.097  4.1 % at 0.034  1.04     1          8.6 to 3.0 %
   long beam, L / b               -5.6 % at 2      -1.5 % at 8     -0.96    -1         at most 20 %
   pillar along the machine [mm]  13.2 % at 1.0    0.3 % at 2.8    -3.4     -3         15.4 to 0.8 %
-  ring over span, w / L          18.2 % at 0.14   1.9 % at 0.036  1.67     1.66       33.9 to 6.8 %
-  strip, rings in proportion     24.7 % at 0.56   13.0 % at 0.28  0.99     1          23.5 to 11.9 %
+  ring over span, w / L          18.2 % at 0.14   1.9 % at 0.036  1.67     1.54       19.1 to 2.6 %
+  strip [mm], rings in proportion 49.4 % at 0.56  25.9 % at 0.28  0.98     1          47.1 to 23.7 %
   tension [kPa]                  -2.1 % at 4.8    -0.03 % at 0.1  1.04     1          -
 
 * Each difference vanishes with its cause, at its rate.

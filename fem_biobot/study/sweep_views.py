@@ -84,7 +84,7 @@ def solved_view(folder: Path, reference: str, *, stands: bool) -> Moving:
     if not wanted:
         raise FileError(f"{folder}: found no solid_*.vtu, expected the states of a solve")
     rest = next((key for key in ("rest", "load_0") if key in files), None)
-    keys = list(dict.fromkeys([*([rest] if rest else []), *wanted]))
+    keys = wanted if rest is None or rest in wanted else [rest, *wanted]
     read = [_state(files[key]) for key in keys]
     points, cells, muscle, _, _ = read[0]
     regions = {"muscle": np.flatnonzero(muscle)} if muscle.any() else {}
@@ -123,7 +123,8 @@ def _walked(case: Case, folder: Path) -> list[Moving | Piece]:
 
 
 def _compared(case: Case, folder: Path) -> list[Moving | Piece]:
-    return list(views_of(folder / "report.html"))[:1]
+    found: list[Moving | Piece] = [*views_of(folder / "report.html")]
+    return found[:1]
 
 
 _SHOWN = {Task.solve: _solved, Task.walk: _walked, Task.crosscheck: _compared}

@@ -22,6 +22,8 @@ from fem_biobot.files import replacing
 
 DPI = 160
 INK, SOFT, GRID, BAND = "#1f2429", "#667079", "#e3e7ea", "#f3f5f6"
+# names in one row of a legend above axes
+_MOST_ABOVE = 3
 # Okabe and Ito's colours, told apart by every kind of colour vision
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
@@ -117,15 +119,16 @@ def _drawn(axes: Axes) -> list[Line2D]:
 
 
 def _clear_curves(figure: Figure) -> None:
-    """Legends that lie over curves go to the right of their axes, or above them where other axes stand there."""
+    """Legends that lie over curves go above their axes; long ones to the right where no other axes stand there."""
     figure.draw_without_rendering()
     for axes in [axes for axes in figure.axes if covers(axes)]:
         names, place = axes.get_legend(), axes.get_subplotspec()
         assert names is not None
-        if place is None or place.get_gridspec().ncols == 1:
+        count = len(names.get_texts())
+        if count > _MOST_ABOVE and (place is None or place.get_gridspec().ncols == 1):
             names.set_loc("center left")
             names.set_bbox_to_anchor((1.0, 0.5), axes.transAxes)
         else:
-            names.set_ncols(len(names.get_texts()))
-            names.set_loc("lower center")
-            names.set_bbox_to_anchor((0.5, 1.0), axes.transAxes)
+            names.set_ncols(min(count, _MOST_ABOVE))
+            names.set_loc("lower right")
+            names.set_bbox_to_anchor((1.0, 1.0), axes.transAxes)

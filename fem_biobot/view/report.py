@@ -26,6 +26,8 @@ _UNITS = {
     "mm": "mm", "mN": "mN", "kPa": "kPa", "uJ": "µJ", "s": "s", "1": "", "Hz": "Hz", "rad": "rad", "deg": "°",
     "mm2": "mm²", "mm3": "mm³", "mm4": "mm⁴",
 }  # fmt: skip
+# columns above which a table is printed smaller, and smaller still
+_MANY, _MOST = 8, 13
 _STYLE = """
 body { font: 15px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #1f2429; background: #fff;
   max-width: 60rem; margin: 2rem auto; padding: 0 1.2rem; }
@@ -38,11 +40,15 @@ figcaption { color: #4a535b; font-size: .92rem; }
 .wide { overflow-x: auto; } table { border-collapse: collapse; font-size: .92rem; }
 th, td { padding: .28rem .8rem .28rem 0; border-bottom: 1px solid #e3e7ea; text-align: left; vertical-align: top; }
 th { border-bottom: 2px solid #b9c0c6; font-weight: 600; }
-.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.number { text-align: right; font-variant-numeric: tabular-nums; } td.number { white-space: nowrap; }
 footer { margin-top: 3rem; border-top: 1px solid #b9c0c6; color: #667079; font-size: .85rem; }
-@media print { body { margin: 0; max-width: none; font-size: 11px; } figure, tr { break-inside: avoid; }
-  h2 { break-after: avoid; } thead { display: table-header-group; } .wide { overflow: visible; }
-  img { max-height: 16cm; } th, td { padding-right: .5rem; } }
+@page { margin: 15mm 14mm; }
+@media print { body { margin: 0; padding: 0; max-width: none; font-size: 11px; } figure, tr { break-inside: avoid; }
+  h2, thead { break-after: avoid; } thead { display: table-header-group; } .wide { overflow: visible; }
+  img { max-height: 16cm; } th, td { padding-right: .5rem; overflow-wrap: break-word; } p { orphans: 3; widows: 3; }
+  h1 { font-size: 20px; } h2 { font-size: 14px; margin-top: 1.4rem; } figcaption { font-size: 10px; }
+  table { font-size: 10px; } table.many { font-size: 8px; } table.many th, table.many td { padding-right: .3rem; }
+  table.most { font-size: 6.5px; } table.most th, table.most td { padding-right: .2rem; } }
 """.strip()
 
 
@@ -173,9 +179,10 @@ def _table(path: str | os.PathLike[str], title: str, header: Sequence[str], rows
         f'<th class="number">{_text(heading(name))}</th>' if right else f"<th>{_text(heading(name))}</th>"
         for name, right in zip(header, numeric, strict=True)
     )
+    size = ' class="most"' if len(header) > _MOST else ' class="many"' if len(header) > _MANY else ""
     body = "\n".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in rows)
     return (
-        f'<h2>{_text(title)}</h2>\n<div class="wide"><table>\n<thead><tr>{head}</tr></thead>\n'
+        f'<h2>{_text(title)}</h2>\n<div class="wide"><table{size}>\n<thead><tr>{head}</tr></thead>\n'
         f"<tbody>\n{body}\n</tbody>\n</table></div>"
     )
 

@@ -212,7 +212,9 @@
       cross.append(line, word);
       return [line, word];
     });
-    stage.append(canvas, cross, ruler);
+    // what is printed instead of the canvas
+    const still = make("img", { className: "still", alt: data.title });
+    stage.append(canvas, still, cross, ruler);
     const told = make("output", { className: "told" });
 
     const slider = make("input", { type: "range", min: 0, max: last, step: timed ? 0.25 : 0.05, value: moment });
@@ -228,17 +230,18 @@
     const first = make("div", { className: "controls" });
     if (last > 0) first.append(play, make("label", {}, timed ? "time " : "state ", slider), told);
     if (last > 0 && timed) first.append(pace);
-    const second = make("div", { className: "controls" }, make("label", {}, "colour ", colour));
-    if (data.gain) second.append(make("label", {}, "deformation ", swell, swollen));
+    const second = make("div", { className: "controls" }, make("label", { className: "tool" }, "colour ", colour));
+    const swelling = make("label", { className: "tool" }, "deformation ", swell, swollen);
+    if (data.gain) second.append(swelling);
     data.parts.forEach((part, i) => {
       const tick = make("input", { type: "checkbox", checked: true });
-      tick.onchange = () => { hidden ^= 1 << i; redraw(); };
-      const swatch = make("span", { className: "swatch" });
+      const swatch = make("span", { className: "swatch" }), label = make("label", {}, tick, swatch, part.name);
+      tick.onchange = () => { hidden ^= 1 << i; label.className = tick.checked ? "" : "tool"; redraw(); };
       swatch.style.background = `rgb(${part.colour})`;
-      second.append(make("label", {}, tick, swatch, part.name));
+      second.append(label);
     });
     const views = [["the front", 0, 0], ["the side", Math.PI / 2, 0], ["above", 0, Math.PI / 2], ["below", 0.46, -0.5]];
-    const third = make("div", { className: "controls" }, "look from ");
+    const third = make("div", { className: "controls tool" }, "look from ");
     for (const [name, azimuth, height] of views)
       third.append(make("button", { type: "button", textContent: name, onclick: () => { camera.look(azimuth, height); redraw(); } }));
     third.append(make("button", { type: "button", textContent: "reset", onclick: home }));
@@ -287,8 +290,7 @@
     function later() {
       if (!due) { due = true; requestAnimationFrame(step); }
     }
-    function draw() {
-      const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    function draw(ratio = Math.min(window.devicePixelRatio || 1, 2)) {
       const [wide, tall] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
       if (!wide || !tall) return;
       if (canvas.width !== wide || canvas.height !== tall) Object.assign(canvas, { width: wide, height: tall });
@@ -296,7 +298,8 @@
       told.textContent = words();
       slider.setAttribute("aria-valuetext", told.textContent);
       const length = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50].find((mm) => mm * scale > 60) || 100;
-      ruler.style.width = `${length * scale}px`;
+      // of the stage, so that it is right at any size the picture is printed in
+      ruler.style.width = `${(100 * length * scale) / canvas.clientWidth}%`;
       ruler.textContent = `${length} mm`;
       const [right, up] = camera.axes();
       arms.forEach(([line, word], i) => {
@@ -321,7 +324,7 @@
     slider.oninput = () => { moment = Number(slider.value); if (playing) toggle(); redraw(); };
     play.onclick = toggle;
     colour.onchange = () => { field = Number(colour.value); showBar(); redraw(); };
-    swell.oninput = () => { gain = Number(swell.value); swollen.textContent = `×${gain}`; redraw(); };
+    swell.oninput = () => { gain = Number(swell.value); swollen.textContent = `×${gain}`; swelling.className = gain > 1 ? "" : "tool"; redraw(); };
 
     const fingers = new Map();
     canvas.onpointerdown = (event) => {
@@ -366,7 +369,13 @@
       told.textContent = "the graphics card gave up this view; reload the page";
     });
     new ResizeObserver(redraw).observe(canvas);
-    window.addEventListener("beforeprint", draw);
+    window.addEventListener("beforeprint", () => {
+      draw(2); // as fine as paper
+      still.src = canvas.toDataURL("image/png");
+      stage.classList.add("stilled");
+      draw();
+    });
+    window.addEventListener("afterprint", () => stage.classList.remove("stilled"));
     showBar();
     camera.zoom = scene.fit(camera);
     redraw();

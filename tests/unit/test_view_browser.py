@@ -61,7 +61,9 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
     states = [shape(machine, f"state {k}", k) for k in (0.0, 4.0, 9.0)]
     views = [machine_view(machine, states, title="box"), triangle(labels=(), times=np.array([0.0, 0.5]), fields=[])]
     file = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(file, {}, [], [("Table", ["a_mm"], [[1.5]])], [], views=views)
+    wide = ("Wide", [f"quantity_number_{k}_mm" for k in range(16)], [[1.0 / (k + 3)] * 16 for k in range(60)])
+    words = ("Words", ["what", "why_mm"], [["a" * 30, "because " * 40]])
+    write_report(file, {}, [], [("Table", ["a_mm"], [[1.5]]), wide, words], [], views=views)
     return file.as_uri()
 
 
@@ -206,6 +208,46 @@ def test_bodies_of_studies_and_of_the_tissue_turn(browser: Any, tmp_path: Path) 
         assert browser.get_log("browser") == []
     finally:
         browser.get(address)
+
+
+def test_print_shows_still_pictures_of_the_views_unstretched(address: str) -> None:
+    """On paper stand pictures of both views in their proportions, twice as fine, no tool and nothing beyond the page.
+
+    As Chromium lays out pages for its PDF: print media, at the width of A4 less the margins.
+
+    Catches: a canvas stretched to the page, words of tools that are left out themselves, a wide table cut off.
+    """
+    browser = started(*SOFTWARE)
+    try:
+        browser.get(address)
+        drawn = pixels(browser)
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        size = {"width": 688, "height": 1009, "deviceScaleFactor": 1, "mobile": False}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        browser.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+        time.sleep(0.5)
+        for figure in browser.find_elements("css selector", "figure.view3d"):
+            still = figure.find_element("css selector", ".still")
+            natural = [still.get_property(f"natural{side}") for side in ("Width", "Height")]
+            assert still.is_displayed()
+            assert still.size["width"] / still.size["height"] == pytest.approx(natural[0] / natural[1], rel=0.01)
+            assert natural[0] >= 2 * 0.9 * still.size["width"]
+            assert not figure.find_element("css selector", "canvas").is_displayed()
+            for tool in figure.find_elements("css selector", "button, select, input, .hint, .tool"):
+                assert not tool.is_displayed(), tool.text
+            data = still.get_attribute("src")
+            assert data is not None
+            image = np.asarray(Image.open(io.BytesIO(base64.b64decode(data.partition(",")[2]))).convert("RGB"))
+            assert (image < 245).any(axis=2).mean() > 0.05
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= 688
+        assert (drawn < 245).any()
+        browser.execute_script("window.dispatchEvent(new Event('afterprint'))")
+        assert browser.find_element("css selector", "figure.view3d canvas").is_displayed()
+        pages = base64.b64decode(browser.execute_cdp_cmd("Page.printToPDF", {})["data"])
+        # two views and tables of many rows and columns
+        assert 3 <= pages.count(b"/Type /Page\n") <= 5
+    finally:
+        browser.quit()
 
 
 REPORTS = {

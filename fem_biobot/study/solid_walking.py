@@ -21,6 +21,7 @@ from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
 from fem_biobot.muscle.drive import paper_amplitude
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.compiling import compile_kernels
 from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.feet import feet_of
@@ -81,6 +82,8 @@ def walk_solid(
     design = design if size is None else design.with_values({"mesh.size": size})
     refuse_unwalkable(design)
     check_plan(design, plan)
+    if rods:
+        reduce(design)  # refuses what rods cannot have
     job = _Job(design, out, plan, rods, mesh_file, names, reporter or Silent())
     done = job.folder.done(job.reporter, force=force, resume=resume)
     return job.do() if done is None else done

@@ -14,7 +14,7 @@ import pytest
 from fem_biobot import orders
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
-from fem_biobot.errors import DesignError, FileError, MeshError, SolveError
+from fem_biobot.errors import DesignError, FileError, MeshError, ModelError, SolveError
 from fem_biobot.friction.ground import Ground
 from fem_biobot.friction.kernels import LIFTED, SLIP
 from fem_biobot.mesh.body import BodyMesh
@@ -209,17 +209,18 @@ motion_drive = standing.tension_step(_design(), _design().tension(0.0))
     ("sets", "words"),
     [
         (["mesh.element=P2-P1"], "mesh.element: found P2-P1"),
-        (["muscle.convention=cauchy"], "muscle.convention: found cauchy"),
         (["muscle.reference=remodelled"], "muscle.reference: found remodelled"),
     ],
 )
 def test_designs_whose_solid_cannot_walk_are_refused(sets: list[str], words: str, tmp_path: Path) -> None:
-    """One line with the key, before anything is written.
+    """One line with the key, before anything is written; of both models what the rods do not have, too.
 
     Catches: a walk that begins and fails inside.
     """
     with pytest.raises(DesignError, match=words):
         walk_solid(load_design("junction_bot", [*SETS, *sets]), tmp_path / "out", PLAN)
+    with pytest.raises(ModelError, match=r"muscle\.convention: found cauchy, expected nominal for a rod model"):
+        walk_solid(load_design("junction_bot", [*SETS, "muscle.convention=cauchy"]), tmp_path / "out", PLAN, rods=True)
     assert not (tmp_path / "out").exists()
 
 

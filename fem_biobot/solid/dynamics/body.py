@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from fem_biobot.errors import ModelError
-from fem_biobot.material.law import Array
+from fem_biobot.material.law import Array, is_symmetric
 from fem_biobot.solid.dynamics.drag import DragTerm, SurfaceDrag, drag_term
 from fem_biobot.solid.held import Held
 from fem_biobot.solid.linear import product
@@ -102,16 +102,16 @@ def moving_body(
     Raises
     ------
     ModelError
-        Parts that slide on each other, a pressure field, forces without a potential, densities or numbers that do not
-        fit.
+        Parts that slide on each other, a pressure field, a passive law without an energy, densities or numbers that do
+        not fit.
     """
     system = model.system
     if model.sliding is not None:
         raise ModelError("solid_dynamics: found parts that slide on each other, expected all parts bonded")
     if system.mixed is not None:
         raise ModelError(f"solid_dynamics: found element {model.element}, expected P2 or P1: pressures do not move yet")
-    if not system.symmetric:
-        raise ModelError("solid_dynamics: found a law or pressure without a potential, expected all forces to have one")
+    if not all(is_symmetric(law) for law, _ in system.laws):
+        raise ModelError("solid_dynamics: found a passive law without an energy, expected one for the book of energies")
     g = numbers(gravity, "gravity", "an acceleration of three finite numbers")
     if g.shape != (3,):
         raise ModelError(f"gravity: found {gravity!r}, expected an acceleration of three finite numbers")

@@ -99,8 +99,9 @@ def solid_dynamics(
 
     Notes
     -----
-    Of which order: see `Scheme`. A step that does not converge is
-    halved, never accepted. Elements are those of displacements; forces have a potential.
+    Of which order: see `Scheme`. A step that does not converge is halved, never accepted. Elements are those of
+    displacements. Tension per current area and pressures on open surfaces move with the symmetric part of their
+    tangent; passive laws have an energy.
     """
     for what, value in (("duration", duration), ("step", step)):
         good = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)

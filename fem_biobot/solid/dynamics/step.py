@@ -222,9 +222,14 @@ class Stepper:
             self.contact.renew()
 
     def _tangent(self, forces: Forces, S: Array, u: Array, interval: Interval) -> Array:
-        """Upper triangle of the derivative of the unbalanced force, with the stress `S` in its geometric part."""
+        """Upper triangle of the derivative of the unbalanced force, with the stress `S` in its geometric part.
+
+        Where tension or pressure has no potential, of its symmetric part: the ground's problem asks for a symmetric
+        compliance. What comes out obeys the exact balance; iterations are some more.
+        """
         system, drag = self.body.system, self.body.drag
-        data = self.settings.theta(interval.h) * system.matrix(forces.points, S, u, interval.drive)
+        matrix = system.matrix(forces.points, S, u, interval.drive)
+        data = self.settings.theta(interval.h) * (matrix if system.symmetric else matrix[0])
         data += self._inertia(interval.h)
         if drag is not None:
             data[drag.to.places] += drag.stiffness(forces.speed) / interval.h

@@ -131,7 +131,12 @@ def _stacked(data: Measured) -> tuple[Array, Array]:
 
 
 def estimate(
-    design: Design, data: Measured, table: Deflections, names: Sequence[str] = ("tension", "stiffness"), seed: int = 7
+    design: Design,
+    data: Measured,
+    table: Deflections,
+    names: Sequence[str] = ("tension", "stiffness"),
+    seed: int = 7,
+    draws: int | None = None,
 ) -> Estimate:
     """Tension and modulus from measured deflections.
 
@@ -146,8 +151,8 @@ def estimate(
     names
         What is sought: ``tension`` (passive and active in the design's ratio; the passive one is told), or ``passive``
         and ``active`` by themselves, and ``stiffness``, the modulus of the gel.
-    seed
-        Of the draws.
+    seed, draws
+        Of the refits, and how many; 200 by default.
 
     Raises
     ------
@@ -231,7 +236,12 @@ def estimate(
     spread = np.sqrt(np.diag(covariance))
     reach = norm.ppf(0.5 + CONFIDENCE / 2) if data.deviation is not None else student.ppf(0.5 + CONFIDENCE / 2, freedom)
     draw, fitted = np.random.default_rng(seed), predicted(p)
-    again = np.array([solved(fitted + noise * draw.normal(size=len(fitted)), p)[0] for _ in range(_DRAWS)])
+    again = np.array(
+        [
+            solved(fitted + noise * draw.normal(size=len(fitted)), p)[0]
+            for _ in range(_DRAWS if draws is None else draws)
+        ]
+    )
     ends = np.percentile(again, [50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)], axis=0)
     both = len(names) > 1
     return Estimate(

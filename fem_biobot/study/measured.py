@@ -14,6 +14,7 @@ from fem_biobot.link.at_load import parts_of
 from fem_biobot.link.inverse import Deflections, Estimate, deflections, estimate
 from fem_biobot.link.measured import Measured
 from fem_biobot.link.rod_side import RodSide
+from fem_biobot.link.valley import Valley, valley
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.measures import eq3_stiffness
@@ -68,6 +69,9 @@ def measured_finding(
         for e in found
         if abs(e.correlation) > 0.99
     ]
+    along = _valley(design, data, table, found)
+    if along is not None:
+        remarks += _said(along, design)
     remarks.append(
         "of tissue twice as stiff all of this would be twice as large: muscle.material.young is the yardstick"
     )
@@ -93,8 +97,13 @@ def measured_finding(
         title=f"{design.name}: measured and fitted",
     )
     return Finding(
-        {"quantity": data.quantity, "rows_1": n, "answers": answers},
-        [_table(found), _means(answers)],
+        {
+            "quantity": data.quantity,
+            "rows_1": n,
+            "answers": answers,
+            **({} if along is None else {"without_force": _as_row(along)}),
+        },
+        [_table(found, conditional=along is not None), *([] if along is None else [_along(along)]), _means(answers)],
         {"measured": series},
         [(picture, "Measured deflections with one standard deviation, and rods at what was found.")],
         list(notes),
@@ -125,7 +134,50 @@ def _answer(e: Estimate, table: Deflections, design: Design) -> dict[str, Any]:
     }
 
 
-def _table(found: Sequence[Estimate]) -> Table:
+def _valley(design: Design, data: Measured, table: Deflections, found: Sequence[Estimate]) -> Valley | None:
+    """What deflections without a force say of tension and modulus together; None with a force, or without tensions."""
+    if data.force is not None:
+        return None
+    names = next((e.names for e in found if "stiffness" not in e.names), None)
+    return None if names is None else valley(design, data, table, names)
+
+
+def _said(along: Valley, design: Design) -> list[str]:
+    (low, high), (below, above) = along.span, along.open
+    ends = f"{'below ' if below else ''}{low:.3g} to {'above ' if above else ''}{high:.3g} kPa"
+    young, c = float(design.value("skeleton.material.young")), along.exponent
+    return [
+        "no force was given: deflections do not separate tension from modulus; moduli from "
+        f"{ends} all fit within 95 %, each with a tension of its own",
+        f"what they determine is {along.names[0]} tension / (modulus / {young:g} kPa)^{c:.2f} = {along.value:.3g} kPa, "
+        f"95 % from {along.low:.3g} to {along.high:.3g} kPa: of a gel 10 % stiffer a tension {10.0 * c:.0f} % larger",
+    ]
+
+
+def _as_row(along: Valley) -> dict[str, Any]:
+    return {
+        "sought": along.names[0],
+        "exponent_1": along.exponent,
+        "value_kPa": along.value,
+        "low_kPa": along.low,
+        "high_kPa": along.high,
+        "young_low_kPa": along.span[0],
+        "young_high_kPa": along.span[1],
+        "young_open_below": along.open[0],
+        "young_open_above": along.open[1],
+    }
+
+
+def _along(along: Valley) -> Table:
+    lines = [
+        (E, T, T / along.value, S, "yes" if inside else "no")
+        for E, T, S, inside in zip(along.young, along.tension, along.misfit, along.fits, strict=True)
+    ]
+    header = ("assumed modulus [kPa]", f"{along.names[0]} tension [kPa]", "over that of the design's", "misfit", "fits")
+    return Table("Tension by the modulus that is assumed", header, tuple(lines))
+
+
+def _table(found: Sequence[Estimate], *, conditional: bool) -> Table:
     words = {
         "tension": "passive tension, with the active one [kPa]",
         "passive": "passive tension [kPa]",
@@ -138,7 +190,8 @@ def _table(found: Sequence[Estimate]) -> Table:
         for k, name in enumerate(e.names)
     ]
     header = ("sought", "", "found", "95 % from", "to", "drawn, from", "to")
-    return Table("Found", header, tuple(lines))
+    words = "Found, each as if the others were exactly as designed" if conditional else "Found"
+    return Table(words, header, tuple(lines))
 
 
 def _means(answers: Sequence[dict[str, Any]]) -> Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from fem_biobot.link.inverse import Deflections, estimate, scaled
 from fem_biobot.link.measured import Measured, read_measured
 from fem_biobot.link.observed import Array
 from fem_biobot.link.sections import MeshSections, closed_forms
+from fem_biobot.link.valley import valley
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.muscle.waveforms import drive_function
 from fem_biobot.rod.reduce import reduce
@@ -214,6 +216,43 @@ def test_what_cannot_be_found_is_refused(table: Deflections) -> None:
     still = Measured(np.zeros(3), "closing", data.value[[0, 0, 0]], data.deviation)
     with pytest.raises(ModelError, match=r"do not tell passive and active apart|fit: found active"):
         estimate(DESIGN, still, table, ("passive", "active"))
+
+
+def test_deflections_alone_determine_a_ratio(table: Deflections) -> None:
+    """Of data from a gel 1.4 times as stiff: its tension over the power of its modulus is found with the design's.
+
+    Two springs in parallel give the power: of ``T A = d (k_b + k_m)`` at one deflection, ``k_b / (k_b + k_m)``. Every
+    modulus fits data with a tenth of noise; few fit precise data of springs that stiffen with the squared tension,
+    which can be told from stiffer ones under more.
+
+    Catches: the power of the inverse, an interval of the modulus from one tension, moduli that never drop out.
+    """
+    drive, E, passive, active = np.linspace(0.0, 1.0, 5), 1.4 * 319.4, 6.0, 1.5
+    value = _closing(E, passive + drive * active)
+    found = valley(DESIGN, Measured(drive, "closing", value, 0.1 * value), table, ("passive", "active"))
+    k_b = 0.0065 * 1.2 * 319.4
+    assert found.exponent == pytest.approx(k_b / (k_b + 1.26), abs=0.05)
+    assert found.value * 1.4**found.exponent == pytest.approx(passive, rel=0.02)
+    assert found.low < found.value < found.high
+    assert found.fits.all()
+    assert found.open == (True, True)
+    far = np.linspace(0.0, 7.0, 12)
+
+    def bending(young: Array | float, tension: Array) -> Array:
+        return tension * 0.88 / (0.0065 * young + 1.26 + 0.02 * tension**2)
+
+    grid = np.meshgrid(YOUNG, TENSION, indexing="ij")
+    other = replace(table, closing=bending(grid[0], grid[1]))
+    sharp = Measured(far, "closing", bending(E, 0.6 * (9.09 + far * 1.30)), np.full(12, 2e-3))
+    narrow = valley(DESIGN, sharp, other, ("tension",))
+    assert narrow.span[0] <= E <= narrow.span[1]
+    assert narrow.open == (False, False)
+    forced = Measured(drive, "closing", value, 0.1 * value, value, 0.1 * value)
+    for data, names in ((forced, ("passive",)), (sharp, ("stiffness",))):
+        with pytest.raises(ModelError, match="expected tensions from deflections alone"):
+            valley(DESIGN, data, table, names)
+    with pytest.raises(ModelError, match="fit: found"):
+        valley(DESIGN, Measured(drive, "closing", 9.0 * value), table, ("passive",))
 
 
 def test_what_is_sought_follows_from_the_data() -> None:

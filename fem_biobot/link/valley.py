@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -49,7 +50,7 @@ class Valley:
     young: Array
     tension: Array
     misfit: Array
-    fits: Array
+    fits: NDArray[np.bool_]
     exponent: float
     value: float
     low: float

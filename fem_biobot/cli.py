@@ -90,7 +90,9 @@ def _mesh_command(
     rename: Rename = None,
     skeleton: Annotated[
         Path | None,
-        typer.Option("--from", metavar="FILE", help="Skeleton of your own, STEP or STL, of the design's lengths."),
+        typer.Option(
+            "--from", metavar="FILE", help="Skeleton of your own, STEP or STL; a STEP file may hold the muscle, too."
+        ),
     ] = None,
     muscle: Annotated[
         Path | None,
@@ -100,6 +102,9 @@ def _mesh_command(
         str | None, typer.Option("--unit", metavar="UNIT", help="Of STL files: mm, cm, m, um or in.")
     ] = None,
     align: Annotated[bool, typer.Option("--align", help="Move the parts to the design's place.")] = False,
+    fit: Annotated[
+        bool, typer.Option("--fit", help="Take the design's lengths from the parts; writes that design, too.")
+    ] = False,
     landmark: Annotated[
         list[str] | None,
         typer.Option("--landmark", metavar="NAME=X,Y,Z", help="Place of a named point [mm] instead of the design's."),
@@ -122,8 +127,9 @@ def _mesh_command(
         raise OptionError(f"DESIGN: missing, expected {wanted if skeleton is None else 'the design of --from'}")
     if design is None and sets:
         raise OptionError("--set: found without DESIGN, expected the design that it changes")
-    check_mesh(mesh, rename, size)
-    for name, given in (("--muscle", muscle), ("--unit", unit), ("--align", align), ("--landmark", landmark)):
+    check_mesh(mesh, rename if skeleton is None else None, size)
+    goes = (("--muscle", muscle), ("--unit", unit), ("--align", align), ("--fit", fit), ("--landmark", landmark))
+    for name, given in goes:
         if given and skeleton is None:
             raise OptionError(f"{name}: found without --from, expected the skeleton that it goes with")
     ways = {"--mesh": mesh, "--from": skeleton, "--export": export or export_muscle}
@@ -131,7 +137,7 @@ def _mesh_command(
     if len(chosen) > 1 or (design is None and "--export" in chosen):
         raise OptionError(f"{chosen[0]}: found together with {chosen[-1]}, expected one of them")
     order = Order(design or "", out, size, mesh, rename or (), sets or (), quiet, as_json, force)
-    own = mesh_jobs.MeshOrder(skeleton, muscle, unit, align, landmark or (), export, export_muscle)
+    own = mesh_jobs.MeshOrder(skeleton, muscle, unit, align, landmark or (), export, export_muscle, fit)
     return partial(mesh_jobs.mesh, order, own)
 
 

@@ -36,6 +36,8 @@ class MeshOrder:
         Texts such as ``corner_short=-3.5,0,3.06``.
     export, export_muscle
         Files for the design's parts.
+    fit
+        Whether the design takes its lengths from the files.
     """
 
     skeleton: Path | None = None
@@ -45,6 +47,7 @@ class MeshOrder:
     landmarks: Sequence[str] = ()
     export: Path | None = None
     export_muscle: Path | None = None
+    fit: bool = False
 
 
 def mesh(order: Order, own: MeshOrder) -> int:
@@ -73,12 +76,14 @@ def mesh(order: Order, own: MeshOrder) -> int:
         if order.mesh_file is not None:
             found = read_mesh(order.mesh_file, names or None, design=design)
         elif own.skeleton is not None:
-            from fem_biobot.mesh.foreign import import_mesh
+            from fem_biobot.mesh.foreign import fitted, import_mesh
 
             assert design is not None
-            found = import_mesh(
-                design, own.skeleton, muscle=own.muscle, unit=own.unit, size=size, align=own.align, landmarks=marks
-            )
+            parts = {"muscle": own.muscle, "unit": own.unit, "names": names}
+            if own.fit:
+                asked = [text.partition("=")[0].strip() for text in order.sets]
+                design = fitted(design, own.skeleton, **parts, kept=asked)
+            found = import_mesh(design, own.skeleton, size=size, align=own.align, landmarks=marks, **parts)
         else:
             assert design is not None
             found, notes = mesh_for(design, size)
@@ -88,7 +93,11 @@ def mesh(order: Order, own: MeshOrder) -> int:
     if order.mesh_file is None or order.out is not None:
         title = design.name if design is not None else order.mesh_file.stem if order.mesh_file is not None else ""
         file = (order.out or Path()) / f"{safe_name(title)}.msh"
-        _write_mesh(file, mesh_text(found), order.force)
+        _write(file, mesh_text(found), order.force)
+        if own.fit and design is not None:
+            from fem_biobot.config import to_toml
+
+            _write(file.with_suffix(".toml"), to_toml(design), order.force)
     summary = {**mesh_summary(found, design), "file": str(file or order.mesh_file), "notes": notes}
     if order.json:
         print_json(summary)
@@ -96,6 +105,8 @@ def mesh(order: Order, own: MeshOrder) -> int:
         say(summary["file"])
     else:
         show_tables(mesh_tables(summary))
+        if own.fit:
+            say("", f"lengths taken from {own.skeleton}: {file.with_suffix('.toml') if file else ''}")
         say("", summary["file"] if file is not None else f"{order.mesh_file}: a sound mesh; nothing was written")
     return 0
 
@@ -135,8 +146,8 @@ def _export(order: Order, own: MeshOrder, design: Design) -> int:
     return 0
 
 
-def _write_mesh(file: Path, text: str, force: bool) -> None:
-    """Write a mesh file; another mesh of that name stays unless forced."""
+def _write(file: Path, text: str, force: bool) -> None:
+    """Write a file; another one of that name stays unless forced."""
     if file.exists() and not force:
         try:
             same = file.read_bytes() == text.encode()
@@ -144,7 +155,8 @@ def _write_mesh(file: Path, text: str, force: bool) -> None:
             raise file_error(error, file, doing="read") from None
         if same:
             return
-        raise FileError(f"{file}: found another mesh, expected none; give another --out, or --force to replace it")
+        what = "mesh" if file.suffix == ".msh" else "design"
+        raise FileError(f"{file}: found another {what}, expected none; give another --out, or --force to replace it")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

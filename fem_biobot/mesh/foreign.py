@@ -2,13 +2,14 @@
 
 The design stays what says where things are: the given skeleton has its box, its feet and the ends of its span, and may
 differ from the drawn one in details (rounded edges, holes) of a fiftieth of its volume. The muscle is built round
-the given pillars from the design's lengths, or given too.
+the given pillars from the design's lengths, or given too. A skeleton of other lengths lends them to the design
+(`fitted`).
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,11 +17,11 @@ from scipy.spatial import KDTree
 
 from fem_biobot.design import Design
 from fem_biobot.design_checks import refuse_without_solid
-from fem_biobot.errors import MeshError
+from fem_biobot.errors import DesignError, MeshError
 from fem_biobot.files import file_error, write_bytes
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.checks import check_volumes
-from fem_biobot.mesh.geometry import exported, meshed
+from fem_biobot.mesh.geometry import drawn_lengths, exported, meshed
 from fem_biobot.mesh.layout import Point, layout
 from fem_biobot.mesh.naming import MissingError
 from fem_biobot.mesh.solids import Given, Part
@@ -40,6 +41,7 @@ def import_mesh(
     size: float | None = None,
     align: bool = False,
     landmarks: Mapping[str, Point] | None = None,
+    names: Mapping[str, str] | None = None,
 ) -> BodyMesh:
     """Mesh of a given skeleton with the muscle of a design, conforming, with the design's names.
 
@@ -59,6 +61,9 @@ def import_mesh(
         Move the parts so that the skeleton's box is the design's; its axes must be those of the design.
     landmarks
         Positions [mm] instead of the design's, for names that it knows.
+    names
+        Names of solids in the skeleton's STEP file to skeleton or muscle. Where solids have these names, or are mapped
+        to them, the file is split by them; else all of it is skeleton.
 
     Returns
     -------
@@ -87,7 +92,7 @@ def import_mesh(
     if unknown:
         raise MeshError(f"landmark {unknown[0]}: unknown, expected one of: {', '.join(plan.landmarks)}")
     plan = replace(plan, landmarks={**plan.landmarks, **moved})
-    given = Given(_part(skeleton, unit), None if muscle is None else _part(muscle, unit), align)
+    given = _given(skeleton, muscle, unit, align, names)
     try:
         mesh = meshed(plan, design.mesh.size if size is None else size, given=given)
     except MissingError as error:
@@ -103,6 +108,58 @@ def import_mesh(
     check_volumes(mesh.region_volumes(), plan.volumes, slack)
     source = {**mesh.source, "skeleton": Path(skeleton).name, "muscle": Path(muscle).name if muscle else "built"}
     return BodyMesh(mesh.points, mesh.cells, mesh.regions, mesh.surfaces, mesh.landmarks, source).checked()
+
+
+def fitted(
+    design: Design,
+    skeleton: str | os.PathLike[str],
+    *,
+    muscle: str | os.PathLike[str] | None = None,
+    unit: str | None = None,
+    names: Mapping[str, str] | None = None,
+    kept: Collection[str] = (),
+) -> Design:
+    """A design with the lengths of a given skeleton, and of a muscle that comes with it.
+
+    Parameters
+    ----------
+    design
+        A bot; its pillars are as many as the skeleton's, all else stays unless the files say otherwise.
+    skeleton, muscle, unit, names
+        As `import_mesh`.
+    kept
+        Keys that stay as the design has them.
+
+    Raises
+    ------
+    GmshMissing, FileError
+        Gmsh cannot be imported; a file cannot be read.
+    MeshError
+        A file in which beam, pillars or junction are not found, or whose lengths make no design.
+    """
+    refuse_without_solid(design, "mesh")
+    skeleton_of, muscle_of = design.skeleton, design.muscle
+    if design.kind != "bot" or skeleton_of is None or muscle_of is None:
+        raise MeshError(f"kind: found {design.kind}, expected a bot to take the lengths of {skeleton}")
+    given = _given(skeleton, muscle, unit, False, names)
+    found = drawn_lengths(given, skeleton_of.pillar_count, looped=muscle_of.layout == "ring")
+    # nanometres: what OpenCASCADE adds to its boxes is no length
+    values = {key: round(value, 6) for key, value in found.items() if key not in kept}
+    try:
+        return design.with_values(values)
+    except DesignError as error:
+        told = ", ".join(f"{key} {value:g} mm" for key, value in values.items())
+        raise MeshError(f"{skeleton}: its lengths make no design: {error}; found {told}") from None
+
+
+def _given(
+    skeleton: str | os.PathLike[str],
+    muscle: str | os.PathLike[str] | None,
+    unit: str | None,
+    align: bool,
+    names: Mapping[str, str] | None,
+) -> Given:
+    return Given(_part(skeleton, unit), None if muscle is None else _part(muscle, unit), align, dict(names or {}))
 
 
 def export_part(design: Design, path: str | os.PathLike[str], region: str = "skeleton") -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,10 @@ from fem_biobot.errors import MeshError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.facets import facets
 from fem_biobot.mesh.layout import Layout, layout
+from fem_biobot.mesh.measured import muscle_lengths, skeleton_lengths
 from fem_biobot.mesh.naming import named_landmarks, named_surfaces, require
 from fem_biobot.mesh.sizes import CORNER_SHARE, SizeField, set_sizes, take_sizes
-from fem_biobot.mesh.solids import NONE_GIVEN, Given, drawn_muscle, drawn_skeleton, solids
+from fem_biobot.mesh.solids import NONE_GIVEN, Given, drawn_muscle, drawn_skeleton, given_solids, solids
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -245,7 +246,7 @@ def tetrahedra(
     gmsh = import_gmsh()
     with _LOCK, _session(gmsh):
         try:
-            parts = solids(gmsh.model.occ, plan, given)
+            parts = solids(gmsh.model.occ, plan, given, _names(gmsh.model))
             gmsh.model.occ.synchronize()
             if sizes is None:
                 set_sizes(gmsh.model.mesh.field, plan, h, corner_share)
@@ -259,6 +260,52 @@ def tetrahedra(
             raise
         except Exception as error:  # Gmsh raises bare Exception
             raise MeshError(f"Gmsh could not mesh the design at size {h:g} mm: {_last_line(error)}") from error
+
+
+def drawn_lengths(given: Given, count: int, *, looped: bool) -> dict[str, float]:
+    """Lengths of a given skeleton of `count` pillars, and of a muscle that comes with it, by the keys of a design [mm].
+
+    `looped` for a muscle that is one ring round all pillars.
+
+    Raises
+    ------
+    GmshMissing, MeshError
+        Gmsh cannot be imported; something that the parts should have is not there.
+    """
+    import_gmsh()
+    try:
+        return _GMSH.call(read_lengths, given, count, looped)
+    except ProcessDiedError as died:
+        raise MeshError(f"Gmsh died over {given.skeleton and given.skeleton.file}: {died}") from None
+
+
+def read_lengths(given: Given, count: int, looped: bool) -> dict[str, float]:
+    """What `drawn_lengths` gives, read by Gmsh in this very process."""
+    gmsh = import_gmsh()
+    with _LOCK, _session(gmsh):
+        occ = gmsh.model.occ
+        assert given.skeleton is not None
+        try:
+            skeleton, muscle = given_solids(occ, given, _names(gmsh.model))
+            found = skeleton_lengths(occ, given.skeleton.file, skeleton, count)
+            if muscle:
+                file = (given.muscle or given.skeleton).file
+                found |= muscle_lengths(occ, file, muscle, skeleton, looped=looped)
+            return found
+        except MeshError:
+            raise
+        except Exception as error:  # Gmsh raises bare Exception
+            raise MeshError(f"{given.skeleton.file}: Gmsh could not measure it: {_last_line(error)}") from error
+
+
+def _names(model: Any) -> Callable[[int], str]:
+    """Names that files gave to solids."""
+
+    def name_of(tag: int) -> str:
+        model.occ.synchronize()
+        return str(model.getEntityName(3, tag))
+
+    return name_of
 
 
 def _strips(model: Any) -> None:

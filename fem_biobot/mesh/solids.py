@@ -5,7 +5,8 @@ Speaks to the model it is handed and imports no Gmsh: `geometry` starts it, in a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,11 +34,22 @@ class Part:
 
 @dataclass(frozen=True)
 class Given:
-    """Parts that are given instead of drawn; `align` moves them so that the skeleton's box is the layout's."""
+    """Parts that are given instead of drawn.
+
+    Attributes
+    ----------
+    skeleton, muscle
+        Each a file; one STEP file may hold both, as solids of these names.
+    align
+        Whether they are moved so that the skeleton's box is the layout's.
+    names
+        Names of solids in a STEP file to skeleton or muscle, besides these words themselves.
+    """
 
     skeleton: Part | None = None
     muscle: Part | None = None
     align: bool = False
+    names: Mapping[str, str] = field(default_factory=dict)
 
 
 NONE_GIVEN = Given()
@@ -47,8 +59,17 @@ def _add_box(occ: Any, box: Box) -> tuple[int, int]:
     return 3, occ.addBox(*box.low, *(b - a for a, b in zip(box.low, box.high, strict=True)))
 
 
-def solids(occ: Any, plan: Layout, given: Given = NONE_GIVEN) -> dict[str, list[int]]:
+def unnamed(tag: int) -> str:
+    """Name of a solid in a model without names: none."""
+    return ""
+
+
+def solids(
+    occ: Any, plan: Layout, given: Given = NONE_GIVEN, name_of: Callable[[int], str] = unnamed
+) -> dict[str, list[int]]:
     """Volumes of each region, cut against each other and through the landmarks and sections.
+
+    `name_of` tells the name that the file gave to a solid.
 
     Raises
     ------
@@ -56,13 +77,16 @@ def solids(occ: Any, plan: Layout, given: Given = NONE_GIVEN) -> dict[str, list[
         A given part has no volume, is not where the layout has it, or overlaps another.
     """
     if given.skeleton is None:
-        skeleton, shift = drawn_skeleton(occ, plan), np.zeros(3)
+        skeleton, came_along = drawn_skeleton(occ, plan), False
         muscle = drawn_muscle(occ, plan, [])
     else:
-        skeleton, shift = _given_skeleton(occ, plan, given.skeleton, given.align)
-        muscle = _imported(occ, given.muscle) if given.muscle else drawn_muscle(occ, plan, skeleton)
-        if given.muscle:
+        skeleton, muscle = given_solids(occ, given, name_of)
+        shift = _put_in_place(occ, plan, given.skeleton.file, skeleton, given.align)
+        came_along = bool(muscle)
+        if came_along:
             occ.translate(muscle, *shift)
+        else:
+            muscle = drawn_muscle(occ, plan, skeleton)
     sections = [(2, _section(occ, plan.muscle, x)) for x in plan.cuts]
     if plan.beam:
         sections += [(2, _section(occ, (plan.beam,), x)) for x in plan.beam_cuts]
@@ -73,7 +97,8 @@ def solids(occ: Any, plan: Layout, given: Given = NONE_GIVEN) -> dict[str, list[
     marks = [(0, occ.addPoint(*position)) for position in plan.landmarks.values()]
     whole = skeleton + muscle
     _, children = occ.fragment(whole, sections + marks)
-    _refuse_overlap(occ, given, children[: len(skeleton)], children[len(skeleton) : len(whole)])
+    if came_along:
+        _refuse_overlap(occ, given, children[: len(skeleton)], children[len(skeleton) : len(whole)])
     parts: dict[str, list[int]] = {}
     for name, first, last in (("skeleton", 0, len(skeleton)), ("muscle", len(skeleton), len(whole))):
         found = {tag for child in children[first:last] for dim, tag in child if dim == 3}
@@ -182,19 +207,70 @@ def _from_faces(occ: Any, faces: PlaneFaces) -> int:
     return occ.addVolume([occ.addSurfaceLoop(surfaces)])
 
 
-def _given_skeleton(occ: Any, plan: Layout, part: Part, align: bool) -> tuple[list[tuple[int, int]], Array]:
-    """A person's skeleton as one solid in its place, and how far it was moved (3,) [mm]."""
-    skeleton = _imported(occ, part)
+def given_solids(
+    occ: Any, given: Given, name_of: Callable[[int], str] = unnamed
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """A person's skeleton as one solid, and the muscle's solids; none of these where it is to be built.
+
+    Raises
+    ------
+    MeshError
+        A file without a volume, a skeleton of parts that do not touch, names that are known in part only.
+    """
+    assert given.skeleton is not None
+    skeleton, muscle = _by_name(given.skeleton.file, _imported(occ, given.skeleton), given, name_of)
+    if given.muscle is not None:
+        if muscle:
+            raise MeshError(f"{given.muscle.file}: found a muscle in {given.skeleton.file}, too; expected one of them")
+        muscle = _imported(occ, given.muscle)
     if len(skeleton) > 1:
         skeleton, _ = occ.fuse(skeleton[:1], skeleton[1:])
     if len(skeleton) > 1:
-        raise MeshError(f"{part.file}: holds {len(skeleton)} bodies that do not touch; expected one skeleton")
+        raise MeshError(
+            f"{given.skeleton.file}: holds {len(skeleton)} bodies that do not touch; expected one skeleton, or solids "
+            "named skeleton and muscle (--rename NAME=REGION for other names)"
+        )
+    return skeleton, muscle
+
+
+def _by_name(
+    file: str, solids: list[tuple[int, int]], given: Given, name_of: Callable[[int], str]
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Solids of a file that are skeleton, and those that are muscle; all are skeleton where no name says otherwise."""
+    # a STEP file's product, below the assemblies that it is part of
+    titles = [name_of(tag).rpartition("/")[2].strip() for _, tag in solids]
+    strange = sorted(set(given.names) - set(titles))
+    if strange:
+        raise MeshError(f"{file}: --rename names {strange[0]}, but the solids are {_listed(titles)}")
+    regions = [given.names.get(title, title.lower()) for title in titles]
+    if not set(regions) & {"skeleton", "muscle"}:
+        return solids, []
+    other = [title for title, region in zip(titles, regions, strict=True) if region not in ("skeleton", "muscle")]
+    if other:
+        raise MeshError(
+            f"{file}: the solid {other[0] or 'without a name'} is not known, expected skeleton or muscle, or "
+            "--rename NAME=REGION"
+        )
+    found = [
+        [s for s, region in zip(solids, regions, strict=True) if region == name] for name in ("skeleton", "muscle")
+    ]
+    if not found[0]:
+        raise MeshError(f"{file}: found no solid named skeleton, only {_listed(titles)}")
+    return found[0], found[1]
+
+
+def _listed(titles: list[str]) -> str:
+    return ", ".join(title or "without a name" for title in titles)
+
+
+def _put_in_place(occ: Any, plan: Layout, file: str, skeleton: list[tuple[int, int]], align: bool) -> Array:
+    """How far a person's skeleton was moved to its place, (3,) [mm]."""
     corners = np.array([occ.getBoundingBox(*entity) for entity in skeleton])
     found = np.array([corners[:, :3].min(axis=0), corners[:, 3:].max(axis=0)])
-    shift = shift_to(part.file, found, skeleton_box(plan), align=align)
+    shift = shift_to(file, found, skeleton_box(plan), align=align)
     if shift.any():
         occ.translate(skeleton, *shift)
-    return skeleton, shift
+    return shift
 
 
 def skeleton_box(plan: Layout) -> Array:
@@ -217,7 +293,7 @@ def shift_to(file: str, found: Array, wanted: Array, *, align: bool) -> Array:
     long, asked = found[1] - found[0], wanted[1] - wanted[0]
     slack = ALIGNED * float(asked.max())
     if np.abs(long - asked).max() > 2.0 * slack:
-        hint = "; set the design's lengths to those of the skeleton"
+        hint = "; set the design's lengths to those of the skeleton, or take them from it with --fit"
         factor = float(np.median(asked / np.maximum(long, 1e-300)))
         if np.allclose(long * factor, asked, rtol=0.02) and not 0.5 < factor < 2.0:
             much = f"{factor:.3g} times too small" if factor > 1.0 else f"{1.0 / factor:.3g} times too large"
@@ -243,11 +319,11 @@ def _sizes(lengths: Array) -> str:
 
 def _refuse_overlap(occ: Any, given: Given, skeleton: list[Any], muscle: list[Any]) -> None:
     """Refuse a given muscle that lies in the skeleton; a drawn one was cut by it."""
-    if given.muscle is None:
-        return
     first, second = ({entity for child in part for entity in child if entity[0] == 3} for part in (skeleton, muscle))
     volumes = {entity: occ.getMass(*entity) for entity in first | second}
     common = sum(volumes[entity] for entity in first & second)
     smaller = min(sum(volumes[entity] for entity in part) for part in (first, second))
     if common > OVERLAP * smaller:
-        raise MeshError(f"{given.muscle.file}: the muscle overlaps the skeleton in {common:.3g} mm^3; expected none")
+        part = given.muscle or given.skeleton
+        assert part is not None
+        raise MeshError(f"{part.file}: the muscle overlaps the skeleton in {common:.3g} mm^3; expected none")

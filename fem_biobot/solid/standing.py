@@ -94,7 +94,7 @@ def stand(
     passive = tension_step(design, design.tension(0.0))
     floating = solve(body.model, [passive], settings=newton_settings(design)).last
     u, tilt = placed(body, floating, ground)
-    at: SolidState | SolidCheckpoint = SolidState(body.model, passive, u)
+    at: SolidState | SolidCheckpoint = SolidState(body.model, passive, u, pressure=floating.pressure)
     weight = float(np.linalg.norm(body.weight.sum(axis=0)))
     still = _STILL * max(weight, 1e-12) * 1e-3
     time, step, energy = 0.0, _FIRST, np.inf
@@ -120,7 +120,8 @@ def _rested(body: MovingBody, found: SolidCheckpoint) -> SolidCheckpoint:
     """The same place without any motion, at time 0, with a new book; what sticks sticks on."""
     u, still = found.state.u, np.zeros_like(found.state.u)
     touch = found.state.touch._replace(slide=np.zeros_like(found.state.touch.slide))
-    return SolidCheckpoint(State(u, still, still, touch), begun(body, u, still), 0.0)
+    p = found.state.p
+    return SolidCheckpoint(State(u, still, still, touch, p), begun(body, u, still, p), 0.0)
 
 
 def placed(body: MovingBody, shape: SolidState, ground: Ground) -> tuple[Array, float]:

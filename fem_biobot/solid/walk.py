@@ -33,7 +33,6 @@ def refuse_unwalkable(design: Design) -> None:
     if design.kind != "bot":
         raise DesignError(f"kind: found {design.kind}, expected bot for a solid that walks")
     refused = {
-        "mesh.element": ("P2-P1", "P2 (pressures do not move yet)"),
         "muscle.attachment": ("contact", "bonded for a solid that walks"),
         "muscle.reference": ("remodelled", "as_moulded for a solid that walks"),
     }
@@ -82,7 +81,7 @@ def solid_walk(
     Parameters
     ----------
     design
-        A bot, tissue as moulded, quadratic elements without pressures.
+        A bot, tissue as moulded.
     mesh
         Its mesh, or the `walking_body` made of it.
     frequency, duration, amplitude, step

@@ -74,7 +74,7 @@ def test_the_drags_part_of_a_steps_tangent_is_the_derivative(scheme: Scheme) -> 
         return system.to_global((free * size * draw.normal(size=3 * n)).reshape(n, 3))
 
     u0, u, direction = field(0.01), field(0.02), field(0.02)
-    state = State(u0, field(3.0), np.zeros((n, 3)), untouched(0))
+    state = State(u0, field(3.0), np.zeros((n, 3)), untouched(0), np.zeros(0))
     interval = Interval(3e-3, Step(tension=0.0), Step(tension=0.0))
     steppers = [Stepper(each, None, DynamicsSettings(scheme)) for each in (body, bare)]
     here = [stepper.forces(state, u, interval) for stepper in steppers]

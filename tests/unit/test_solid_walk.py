@@ -208,7 +208,6 @@ motion_drive = standing.tension_step(_design(), _design().tension(0.0))
 @pytest.mark.parametrize(
     ("sets", "words"),
     [
-        (["mesh.element=P2-P1"], "mesh.element: found P2-P1"),
         (["muscle.reference=remodelled"], "muscle.reference: found remodelled"),
     ],
 )

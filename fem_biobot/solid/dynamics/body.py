@@ -57,7 +57,10 @@ class MovingBody:
     def momentum_of(self, v: Array) -> Array:
         """Mass matrix times velocities (n, 3), in global axes, (n, 3) [kg mm/s]."""
         s = self.system
-        return s.to_global(product(s.pattern, self.mass, s.to_local(v).ravel()).reshape(-1, 3))
+        n = s.n_dofs - s.n_pressures
+        moving = np.zeros(s.n_dofs)
+        moving[:n] = s.to_local(v).ravel()
+        return s.to_global(product(s.pattern, self.mass, moving)[:n].reshape(-1, 3))
 
     @cached_property
     def total_mass(self) -> float:
@@ -92,7 +95,8 @@ def moving_body(
         Of a medium that buoys the body up by the weight of its reference volume [kg/mm^3].
     damping_time
         Kelvin-Voigt time [s]: the second Piola stress ``damping_time D_rest dE/dt`` adds to that of the laws, with
-        the passive laws' moduli in the reference body. The same time means the same for rods: stress per rate of
+        the passive laws' moduli in the reference body (in the mixed form without those of its pressures, which change
+        of volume meets). The same time means the same for rods: stress per rate of
         strain over stress per strain.
     free
         Let go of all supports but foundations.
@@ -102,14 +106,11 @@ def moving_body(
     Raises
     ------
     ModelError
-        Parts that slide on each other, a pressure field, a passive law without an energy, densities or numbers that do
-        not fit.
+        Parts that slide on each other, a passive law without an energy, densities or numbers that do not fit.
     """
     system = model.system
     if model.sliding is not None:
         raise ModelError("solid_dynamics: found parts that slide on each other, expected all parts bonded")
-    if system.mixed is not None:
-        raise ModelError(f"solid_dynamics: found element {model.element}, expected P2 or P1: pressures do not move yet")
     if not all(is_symmetric(law) for law, _ in system.laws):
         raise ModelError("solid_dynamics: found a passive law without an energy, expected one for the book of energies")
     g = numbers(gravity, "gravity", "an acceleration of three finite numbers")

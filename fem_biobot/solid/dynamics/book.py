@@ -21,10 +21,10 @@ BOOK = (
 )  # fmt: skip
 
 
-def begun(body: MovingBody, u: Array, v: Array) -> Array:
+def begun(body: MovingBody, u: Array, v: Array, p: Array) -> Array:
     """The book where a motion begins, (11,) [uJ]."""
     book = np.zeros(len(BOOK))
-    passive = body.system.points(body.system.deformation_gradient(u), 0.0, moduli=False)
+    passive = body.system.points(body.system.deformation_gradient(u), 0.0, p, moduli=False)
     book[:3] = kinetic(body, v), float(np.sum(passive.psi * body.system.space.dV)), -float(np.sum(body.weight * u))
     return book
 
@@ -46,7 +46,7 @@ def entered(
     theta = stepper.settings.theta(interval.h)
     dF = (F - F0) / theta
     F1 = F if theta == 1.0 else F0 + dF
-    end = system.points(F1, 0.0, moduli=False)
+    end = system.points(F1, 0.0, after.p, moduli=False)
     passive = end.S if forces.passive is None else forces.passive
     worked = strain_change(F, dF)
     out = book.copy()

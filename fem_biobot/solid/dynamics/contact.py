@@ -175,6 +175,7 @@ class Contact:
                 right[k, :, node] = self.axes
             right = right.reshape(3 * len(part), -1)
             right[:, held] = 0.0
-            found = factor.solve(right).reshape(len(part), 3, n, 3)[:, :, self.feet.nodes]
+            right = np.pad(right, ((0, 0), (0, self.body.system.n_pressures)))
+            found = factor.solve(right)[:, : 3 * n].reshape(len(part), 3, n, 3)[:, :, self.feet.nodes]
             self._compliance[:, :, part] = np.einsum("kbmc,ac->makb", found, self.axes)
             self._known[part] = True

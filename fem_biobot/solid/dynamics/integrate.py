@@ -90,8 +90,8 @@ def solid_dynamics(
     Raises
     ------
     ModelError
-        Times that are not positive, no densities, a ground without feet or under an integrator for smooth motion, a
-        start that does not fit or lies in the ground.
+        Times that are not positive, no densities, a ground without feet, a ground or a mixed form under
+        ``energy_momentum``, a start that does not fit or lies in the ground.
     SolveError
         A step that fails after being halved; `best` is the `SolidMotion` up to the last sample.
     SolidMotionInterrupted
@@ -99,9 +99,9 @@ def solid_dynamics(
 
     Notes
     -----
-    Of which order: see `Scheme`. A step that does not converge is halved, never accepted. Elements are those of
-    displacements. Tension per current area and pressures on open surfaces move with the symmetric part of their
-    tangent; passive laws have an energy.
+    Of which order: see `Scheme`. A step that does not converge is halved, never accepted. Tension per current area and
+    pressures on open surfaces move with the symmetric part of their tangent; passive laws have an energy. Pressures of
+    the mixed form have no mass: they act, and change of volume is met, where the stress is taken.
     """
     for what, value in (("duration", duration), ("step", step)):
         good = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
@@ -158,6 +158,11 @@ class _Run:
                 f"settings: scheme: found {settings.scheme} on a ground, expected backward_euler or soft_landing, "
                 "whose impacts do not bounce"
             )
+        if body.system.mixed is not None and settings.scheme is Scheme.energy_momentum:
+            raise ModelError(
+                f"settings: scheme: found {settings.scheme} with element {body.model.element}, expected "
+                "backward_euler or soft_landing, whose stress is not corrected for its energy"
+            )
         self.body, self.ground, self.settings = body, ground, settings
         self.feet = None if ground is None else feet_of(body, feet)
         self.contact = None if ground is None or self.feet is None else Contact(body, self.feet, ground)
@@ -169,9 +174,11 @@ class _Run:
 
     def begin(self, start: SolidState | SolidCheckpoint | None, velocity: Any, step: float) -> None:
         """Take over the start of steps of this length [s]; refuses what cannot be."""
-        n, c = self.body.system.space.n_nodes, 0 if self.contact is None else self.contact.count
+        system = self.body.system
+        n, c = system.space.n_nodes, 0 if self.contact is None else self.contact.count
         if isinstance(start, SolidCheckpoint):
-            if start.state.u.shape != (n, 3) or len(start.state.touch.state) != c:
+            kept = start.state
+            if (kept.u.shape, len(kept.touch.state), len(kept.p)) != ((n, 3), c, system.n_pressures):
                 raise ModelError("start: found a checkpoint of another body or ground, expected one of this body")
             self.state, self.book, self.time = start.state, start.book.copy(), start.time
         else:
@@ -185,8 +192,11 @@ class _Run:
             local = self.body.system.to_local(v).copy().reshape(-1)
             local[self.body.system.held.dofs] = self._supports_begin(_BEGINS * step)
             v = self.body.system.to_global(local.reshape(-1, 3))
-            self.state = State(u, v, np.zeros((n, 3)), untouched(c))
-            self.book, self.time = begun(self.body, u, v), 0.0
+            p = np.zeros(system.n_pressures)
+            if start is not None and start.pressure is not None:
+                p = np.array(start.pressure, dtype=float)
+            self.state = State(u, v, np.zeros((n, 3)), untouched(c), p)
+            self.book, self.time = begun(self.body, u, v, p), 0.0
             if self.contact is not None:
                 lowest = self.contact.positions(u)[:, 0]
                 if lowest.min() < -_INSIDE * self.body.largest:
@@ -258,6 +268,7 @@ class _Run:
                 "times": self.time,
                 "u": np.ascontiguousarray(s.u.T),
                 "v": np.ascontiguousarray(s.v.T) if body.system.by_rate else np.zeros((3, 0)),
+                "p": s.p.copy(),
                 "momentum": p.sum(axis=0),
                 "angular_momentum": np.cross(x, p).sum(axis=0),
                 "contact_force": self.tally[:, :3] / since,

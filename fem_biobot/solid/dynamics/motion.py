@@ -40,14 +40,15 @@ class SolidCheckpoint:
         """For a file."""
         s = self.state
         named = {"u": s.u, "v": s.v, "change": s.change, **s.touch._asdict()}
+        named["p"] = s.p
         return {**named, "book": self.book, "time": np.array(self.time)}
 
     @classmethod
     def from_arrays(cls, arrays: Any) -> SolidCheckpoint:
         """From what `arrays` gave, or an open npz file of it."""
         touch = Touch(*(np.array(arrays[k]) for k in Touch._fields))
-        u, v, change = (np.array(arrays[k]) for k in ("u", "v", "change"))
-        state = State(u, v, change, touch)
+        u, v, change, p = (np.array(arrays[k]) for k in ("u", "v", "change", "p"))
+        state = State(u, v, change, touch, p)
         return cls(state, np.array(arrays["book"]), float(arrays["time"]))
 
 
@@ -65,6 +66,8 @@ class SolidMotion:
         Displacement of the nodes, vertices first, (s, 3, n) [mm].
     v
         Their velocity, (s, 3, n) [mm/s], where a muscle's tension depends on it; else (s, 3, 0).
+    p
+        Pressures of the mixed form, (s, m) [kPa].
     momentum, angular_momentum
         Linear, and about the world's origin, (s, 3) [kg mm/s, kg mm^2/s].
     contact_force
@@ -92,6 +95,7 @@ class SolidMotion:
     times: Array
     u: Array
     v: Array
+    p: Array
     momentum: Array
     angular_momentum: Array
     contact_force: Array
@@ -110,7 +114,7 @@ class SolidMotion:
     def state(self, i: int) -> SolidState:
         """The sample `i`, whose stress is that of its laws and muscles (without viscosity)."""
         moving = self.v[i] if self.v.shape[-1] else None
-        return SolidState(self.body.model, self.drive[i], self.u[i], velocity=moving)
+        return SolidState(self.body.model, self.drive[i], self.u[i], velocity=moving, pressure=self.p[i])
 
     def energy(self, name: str) -> Array:
         """A column of the book, (s,) [uJ]."""

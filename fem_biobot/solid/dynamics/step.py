@@ -26,6 +26,9 @@ from fem_biobot.solid.system import InvertedError, Points
 _PATIENCE = 12.0
 # the energy correction is left out where the strain changes by less: there it is below rounding
 _STILL = 1e-5
+# compliance beside that of the pressures, in shear moduli, with which the mixed form's matrix is factored: iterations
+# converge the faster the smaller it is, and no pivot vanishes where tissue is incompressible
+_STEADY = 1e-6
 
 
 class State(NamedTuple):
@@ -39,12 +42,15 @@ class State(NamedTuple):
         Change of `v` in the last step, per time, from which the next is guessed, (n, 3) [mm/s^2].
     touch
         Of the contact points.
+    p
+        Pressures of the mixed form, (m,) [kPa]; none without.
     """
 
     u: Array
     v: Array
     change: Array
     touch: Touch
+    p: Array
 
 
 class Interval(NamedTuple):
@@ -75,7 +81,8 @@ class Forces(NamedTuple):
     passive, viscous
         Parts of the stress, (6, e, q) [kPa]; None where there is no muscle, or no viscosity.
     unbalanced
-        Internal plus inertial less external force without contact, in local axes, zero where held, (dofs,) [mN].
+        Internal plus inertial less external force without contact, in local axes, zero where held, then the volume
+        residual of the mixed form, (dofs,) [mN].
     reaction
         What it is where held: the force of the supports, (held,) [mN].
     external
@@ -100,10 +107,10 @@ class Forces(NamedTuple):
 
 
 class _At:
-    """Where an iteration stands: displacement, forces, and what the ground does, (dofs,) [mN]."""
+    """Where an iteration stands: displacement, pressures, forces, and what the ground does, (dofs,) [mN]."""
 
-    def __init__(self, u: Array, forces: Forces, pushed: Array) -> None:
-        self.u, self.forces, self.pushed = u, forces, pushed
+    def __init__(self, u: Array, p: Array, forces: Forces, pushed: Array) -> None:
+        self.u, self.p, self.forces, self.pushed = u, p, forces, pushed
         self.norm = float(np.linalg.norm(forces.unbalanced - pushed))
 
 
@@ -147,11 +154,13 @@ class Stepper:
         theta = self.weights(h)
         return ((u - state.u) / h - (1.0 - theta) * state.v) / theta
 
-    def forces(self, state: State, u: Array, interval: Interval) -> Forces:
+    def forces(self, state: State, u: Array, interval: Interval, p: Array | None = None) -> Forces:
         """Forces with which the step would end at the displacement `u` (n, 3).
 
-        Raises `InvertedError` and `OutsideLawError`.
+        The pressures `p` (m,) [kPa] of the mixed form, by default those before, act where the stress does: at the end,
+        or inside the step. Raises `InvertedError` and `OutsideLawError`.
         """
+        p = state.p if p is None else p
         body, system, h = self.body, self.body.system, interval.h
         F0, E0 = self.beginning(state.u)
         F1 = system.deformation_gradient(u)
@@ -161,13 +170,13 @@ class Stepper:
         straining = Straining(E0, (E1 - E0) / h, h, theta) if system.by_rate else None
         if self.settings.scheme is Scheme.backward_euler:
             F = F1
-            points = system.points(F1, interval.drive, straining=straining)
-            S, D, passive = points.S, points.D, None
+            points = system.points(F1, interval.drive, p, straining=straining)
+            S, D, passive, volume = points.S, points.D, None, points.volume
         else:
             F = F0 + theta * (F1 - F0)
             R = stretch_of(E0 + theta * (E1 - E0))
-            found = system.points(R, 0.0)
-            passive = found.S
+            found = system.points(R, 0.0, p)
+            passive, volume = found.S, found.volume
             if self.settings.scheme is Scheme.energy_momentum:
                 passive = passive + self._correction(found.S, F0, F1, E1 - E0)
             S, D = passive.copy(), found.D.copy()
@@ -182,13 +191,13 @@ class Stepper:
             viscous = stress_of(body.viscosity, E1 - E0) / h
             S = S + viscous
             D = D + body.viscosity / (theta * h)
-        points = Points(F, S, D, np.zeros(0))
+        points = Points(F, S, D, np.zeros(0), volume)
         internal, magnitude = system.internal_force(points)
         external = system.external_force(at, interval.drive)
         speed = (u - state.u) / h
         drag = None if body.drag is None else body.drag.force(speed)
         outside = external + body.weight if drag is None else external + body.weight + drag
-        unbalanced = system.to_local(internal + inertia - outside).ravel()
+        unbalanced = system.residual(points, internal + inertia, outside)
         reaction = unbalanced[system.held.dofs]
         unbalanced[system.held.dofs] = 0.0
         momentum = body.node_mass[:, None] * (np.abs(state.v) + np.abs(u - state.u) / h) / h
@@ -214,18 +223,28 @@ class Stepper:
         """
         self._length = 0.0
         try:
-            self.factor.factor(self._tangent(forces, S, u, interval))
+            self._factor(self._tangent(forces, S, u, interval))
         except NotPositiveDefiniteError:
-            self.factor.factor(self._tangent(forces, np.zeros_like(S), u, interval))
+            self._factor(self._tangent(forces, np.zeros_like(S), u, interval))
         self._length = interval.h
         if self.contact is not None:
             self.contact.renew()
+
+    def _factor(self, data: Array) -> None:
+        """Factor a matrix that has as many negative eigenvalues as pressures; raises `NotPositiveDefiniteError`."""
+        system = self.body.system
+        if system.mixed is not None:
+            data[system.mixed.compliance_places] += _STEADY * system.mixed.steadying
+        self.factor.factor(data)
+        if self.factor.negative_pivots != system.n_pressures:
+            raise NotPositiveDefiniteError
 
     def _tangent(self, forces: Forces, S: Array, u: Array, interval: Interval) -> Array:
         """Upper triangle of the derivative of the unbalanced force, with the stress `S` in its geometric part.
 
         Where tension or pressure has no potential, of its symmetric part: the ground's problem asks for a symmetric
-        compliance. What comes out obeys the exact balance; iterations are some more.
+        compliance. What comes out obeys the exact balance; iterations are some more. In the mixed form the unknowns of
+        the matrix are pressures over `theta`, which keeps it symmetric.
         """
         system, drag = self.body.system, self.body.drag
         matrix = system.matrix(forces.points, S, u, interval.drive)
@@ -240,7 +259,8 @@ class Stepper:
         """Upper triangle of the derivative of the inertial force; between foot and body its symmetric mean."""
         if self._massive is None or self._massive[0] != h:
             p = self.body.system.pattern
-            share = np.repeat(1.0 / np.sqrt(self.weights(h).ravel()), 3)
+            share = np.ones(p.n_dofs)  # pressures have no mass
+            share[: p.n_dofs - p.n_pressures] = np.repeat(1.0 / np.sqrt(self.weights(h).ravel()), 3)
             rows = np.repeat(np.arange(p.n_dofs), np.diff(p.starts))
             self._massive = (h, self.body.mass * share[rows] * share[p.columns] / h**2)
         return self._massive[1]
@@ -277,8 +297,9 @@ class Stepper:
         system, settings, contact = self.body.system, self.settings, self.contact
         rounding = 4.0 * system.rounding_force * (1.0 + float(np.abs(u).max()) / self.body.largest)
         before = contact.positions(state.u) if contact is not None else np.zeros((0, 3))
+        theta = settings.theta(interval.h)
         at, met, force = (
-            _At(u, self.forces(state, u, interval), self._pushed(state.touch.force)),
+            _At(u, state.p, self.forces(state, u, interval), self._pushed(state.touch.force)),
             None,
             state.touch.force,
         )
@@ -298,22 +319,23 @@ class Stepper:
             if self._length != interval.h or slow:
                 points = at.forces.points
                 # after a whole Newton step the stress carried along from before it: see `solid.newton`
-                S = points.S if fresh is None else system.carry(fresh, points.F, np.zeros(0))
+                S = points.S if fresh is None else system.carry(fresh.forces.points, points.F, at.p - fresh.p)
                 self._factorise(at.forces, S, at.u, interval)
-                factorisations, fresh = factorisations + 1, points
+                factorisations, fresh = factorisations + 1, at
             else:
                 fresh = None
             old = at
             change = self.factor.solve(-at.forces.unbalanced)
             pushed = at.pushed
             if contact is not None:
-                free = contact.positions(at.u + system.to_global(change.reshape(-1, 3)))
+                free = contact.positions(at.u + system.parts(change)[0])
                 met = contact.solve(self.factor, before, free, interval.h, state.touch, force)
                 force, pushed = met.force, self._pushed(met.force)
                 if np.any(force):
                     change += self.factor.solve(pushed)
-            u = at.u + system.to_global(change.reshape(-1, 3))
-            at = _At(u, self.forces(state, u, interval), pushed)
+            moved, pressed = system.parts(change)
+            u, p = at.u + moved, at.p + theta * pressed
+            at = _At(u, p, self.forces(state, u, interval, p), pushed)
         if met is not None and met.residual > ACCEPTED:
             raise StepFailedError("the contact problem was not solved", Why.iterations)
         share = at.norm / at.forces.scale
@@ -325,7 +347,8 @@ class Stepper:
         system = self.body.system
         if self.contact is None:
             return np.zeros(system.n_dofs)
-        pushed = system.to_local(self.contact.nodal(force)).ravel()
+        pushed = np.zeros(system.n_dofs)
+        pushed[: system.n_dofs - system.n_pressures] = system.to_local(self.contact.nodal(force)).ravel()
         pushed[system.held.dofs] = 0.0
         return pushed
 
@@ -335,7 +358,7 @@ class Stepper:
         h = interval.h
         v = self.velocity(state, at.u, h)
         touch = state.touch if met is None or self.contact is None else self.contact.settled(met)
-        end = State(at.u, v, (v - state.v) / h, touch)
+        end = State(at.u, v, (v - state.v) / h, touch, at.p)
         scale = at.forces.scale
         return Made(end, at.forces, met, at.norm / scale if scale else 0.0, iterations, factorisations)
 

@@ -16,9 +16,9 @@ from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.study import walk_files
 from fem_biobot.study.outputs import figures_folder, tables_folder, write_state, write_table
 from fem_biobot.study.provenance import appendix
+from fem_biobot.study.together_files import draw_together
 from fem_biobot.view.gait import Foot, energy_book, foot_forces, position
 from fem_biobot.view.report import write_report
-from fem_biobot.view.together import Way, together
 from fem_biobot.vtk import write_pvd, write_vtp
 
 Array = np.ndarray
@@ -125,22 +125,11 @@ def draw(folder: Path, walks: Sequence[SolidWalk], rods: Sequence[Walk]) -> list
     for walk in walks:
         beside = next((r for r in rods if r.frequency == walk.frequency), None)
         if beside is not None:
-            name = f"{walk.frequency:g}Hz".replace(".", "p")
-            out.append((figures / f"together_{name}.png", f"Solid and rods under one drive at {walk.frequency:g} Hz."))
-            together(
-                out[-1][0], {"solid": _way(walk), "rods": _way(beside)}, strokes=walk.stroke_ends,
-                title=f"Solid and rods at {walk.frequency:g} Hz",
-            )  # fmt: skip
+            out += draw_together(figures, walk, beside)
         out += _draw_one(figures, walk)
     for rod in rods:
         out += walk_files.draw_walks(folder, [rod], [rod])
     return out
-
-
-def _way(walk: SolidWalk | Walk) -> Way:
-    names = walk.feet if isinstance(walk, SolidWalk) else walk.anatomy.feet
-    forces = {name: walk.foot_force[:, k, :2] for k, name in enumerate(names)}
-    return Way(walk.times, walk.advance, walk.tip_closing, forces)
 
 
 def _draw_one(figures: Path, walk: SolidWalk) -> list[tuple[Path, str]]:

@@ -58,6 +58,23 @@ class Silhouette:
 
 
 @dataclass(frozen=True, eq=False)
+class Outline:
+    """A line from the side, in front of all parts: another machine, laid over them.
+
+    Attributes
+    ----------
+    points
+        Forward and up at the samples, (t, 2, n) [mm].
+    colour, label
+        Of the line, and its words in the legend; of several outlines of one label one is named.
+    """
+
+    points: Array
+    colour: str
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Trail:
     """A foot at the samples, forward and up.
 
@@ -84,6 +101,7 @@ def write_gait(
     parts: Sequence[Silhouette],
     feet: Mapping[str, Trail],
     *,
+    outlines: Sequence[Outline] = (),
     ground: float = 0.0,
     rate: float = 25.0,
     slow: float = 1.0,
@@ -103,6 +121,8 @@ def write_gait(
         What is drawn, the last in front.
     feet
         Name to the way of each foot, shown below the machine over time in the colours of stick and slip.
+    outlines
+        Lines over them.
     ground
         Height of the ground [mm].
     rate
@@ -125,14 +145,14 @@ def write_gait(
         Rows that do not fit the times or are not finite, a rate or factor that is not above zero, fewer than two
         frames; the file cannot be written.
     """
-    t = _checked(path, times, parts, feet, (("rate", rate), ("slow", slow), ("width", width)))
+    t = _checked(path, times, parts, feet, outlines, (("rate", rate), ("slow", slow), ("width", width)))
     count = math.floor((t[-1] - t[0]) * rate + 1e-6) + 1
     if count < 2:
         raise FileError(
             f"{path}: found {count} frame in {t[-1] - t[0]:g} s at {rate:g} a second, expected at least two"
         )
     frames = t[0] + np.arange(count) / rate
-    scene = _Scene(t, parts, feet, ground, weight, width, title)
+    scene = _Scene(t, parts, feet, outlines, ground, weight, width, title)
     images = []
     for moment in frames:
         scene.show(float(moment))
@@ -170,6 +190,7 @@ def _checked(
     times: ArrayLike,
     parts: Sequence[Silhouette],
     feet: Mapping[str, Trail],
+    outlines: Sequence[Outline],
     positive: Sequence[tuple[str, float]],
 ) -> Array:
     """The times as an array, once everything fits them."""
@@ -186,6 +207,8 @@ def _checked(
         rows[f"part {k}"] = (part.points, (2, None))
         if part.glow is not None:
             rows[f"glow of part {k}"] = (part.glow, ())
+    for k, line in enumerate(outlines):
+        rows[f"outline {k}"] = (line.points, (2, None))
     for name, foot in feet.items():
         rows |= {name: (foot.points, (2,)), f"{name}: state": (foot.state, ())}
         rows |= {f"{name}: {k}": (v, (2,)) for k, v in (("force", foot.force), ("base", foot.base)) if v is not None}
@@ -215,14 +238,15 @@ class _Scene:
         times: Array,
         parts: Sequence[Silhouette],
         feet: Mapping[str, Trail],
+        outlines: Sequence[Outline],
         ground: float,
         weight: float | None,
         width: int,
         title: str,
     ) -> None:
-        self.times, self.parts, self.feet, self.weight = times, parts, feet, weight
-        low = np.min([part.points.min(axis=(0, 2)) for part in parts], axis=0)
-        high = np.max([part.points.max(axis=(0, 2)) for part in parts], axis=0)
+        self.times, self.parts, self.feet, self.weight, self.outlines = times, parts, feet, weight, outlines
+        low = np.min([each.points.min(axis=(0, 2)) for each in (*parts, *outlines)], axis=0)
+        high = np.max([each.points.max(axis=(0, 2)) for each in (*parts, *outlines)], axis=0)
         span = high - np.array([low[0], min(low[1], ground)])
         pad = 0.06 * float(span.max())
         self.height = float(high[1] - ground)
@@ -253,6 +277,10 @@ class _Scene:
             axes.add_collection(edge, autolim=False)
             axes.add_collection(face, autolim=False)
             self.faces.append((edge, face))
+        self.over = [
+            axes.plot([], [], color=line.colour, linewidth=1.8, zorder=3.5 + 2 * len(parts), label=line.label)[0]
+            for line in outlines
+        ]
         style = {"arrowstyle": "-|>", "color": INK, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
         self.forced = [foot for foot in feet.values() if weight is not None and foot.force is not None]
         self.arrows = [
@@ -261,7 +289,10 @@ class _Scene:
         x0, x1, y = left / (width / _DPI), 1.0 - right / (width / _DPI), 1.0 - 0.12 / tall
         self.figure.text(x0, y, title, fontsize=11.5, color=INK, va="top")
         self.clock = self.figure.text(x1, y, "", fontsize=10.0, color=INK, va="top", ha="right")
+        named = list({line.get_label(): line for line in self.over if line.get_label()}.values())
         if not feet:
+            if named:
+                axes.legend(handles=named, frameon=False, fontsize=8.5, labelcolor=INK, loc="upper right")
             axes.set_xlabel("forward [mm]", fontsize=9.5, color=INK)
             return
         self._ways(axes, (box[0], foot / tall, box[2], ways / tall))
@@ -270,8 +301,9 @@ class _Scene:
         ]
         if self.forced:
             legend.append(Line2D([], [], color=INK, marker=r"$\uparrow$", linestyle="", label="force of the ground"))
+        legend += named
         self.figure.legend(
-            handles=legend, frameon=False, fontsize=8.5, labelcolor=INK, ncols=3, loc="upper center",
+            handles=legend, frameon=False, fontsize=8.5, labelcolor=INK, ncols=3 + len(named), loc="upper center",
             bbox_to_anchor=(0.5, 1.0 - 0.06 / tall), borderaxespad=0.0,
         )  # fmt: skip
 
@@ -310,6 +342,8 @@ class _Scene:
             face.set_verts(corners)
             face.set_facecolor(tuple(colour))
             face.set_edgecolor(tuple(colour))
+        for line, drawn in zip(self.outlines, self.over, strict=True):
+            drawn.set_data(*_at(self.times, line.points, moment))
         self.clock.set_text(f"{moment:.2f} s")
         for arrow, foot in zip(self.arrows, self.forced, strict=True):
             assert self.weight is not None

@@ -1,4 +1,4 @@
-"""Walks of several models under one drive on one time base: position, stroke and forces on the feet.
+"""Walks of several models under one drive on one time base: position, stroke, forces on the feet, phase portrait.
 
 Takes plain arrays; knows nothing of the models.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fem_biobot.errors import FileError
-from fem_biobot.view.graph import COLOURS, INK, below_each_other, legend, name_axes, save, shade_strokes
+from fem_biobot.view.graph import COLOURS, INK, below_each_other, legend, name_axes, save, shade_strokes, side_by_side
 
 _LINES = ("-", "--", ":", "-.")
 
@@ -79,6 +79,46 @@ def together(
     legend(axes[2])
     axes[-1].set_xlabel("time [s]", fontsize=9.5, color=INK)
     axes[-1].margins(x=0.01)
+    save(figure, path, title)
+
+
+def phase_portrait(
+    path: str | os.PathLike[str], ways: Mapping[str, Way], *, since: float = 0.0, title: str = "Phase portrait"
+) -> None:
+    """Draw what several walks do over their strokes as closed curves: rates over positions.
+
+    Left the rate of the tip closing over it, right the rate of the centre of mass over the tip closing; rates are
+    central differences of the samples.
+
+    Parameters
+    ----------
+    path
+        PNG file.
+    ways
+        Name of a model to how it walked.
+    since
+        Time from which on it is drawn [s]: the transient is left out.
+
+    Raises
+    ------
+    FileError
+        As `together`; fewer than three samples from `since` on.
+    """
+    if not ways:
+        raise FileError(f"{path}: found no walk, expected at least one")
+    figure, axes = side_by_side(2, (8.6, 3.8))
+    for number, (name, way) in enumerate(ways.items()):
+        t = np.asarray(way.times, dtype=float)
+        closing, advance = (_checked(path, name, t, values) for values in (way.tip_closing, way.advance))
+        kept = t >= since - 1e-9
+        if kept.sum() < 3:
+            raise FileError(f"{path}: {name}: found {kept.sum()} samples from {since:g} s on, expected at least three")
+        rates = [np.gradient(values, t)[kept] for values in (closing, advance)]
+        for each, rate in zip(axes, rates, strict=True):
+            each.plot(closing[kept], rate, color=COLOURS[number % len(COLOURS)], linewidth=1.1, label=name)
+    name_axes(axes[0], "tip closing [mm]", "rate of the tip closing [mm/s]")
+    name_axes(axes[1], "tip closing [mm]", "speed of the centre of mass [mm/s]")
+    legend(axes[0])
     save(figure, path, title)
 
 

@@ -19,6 +19,7 @@ from fem_biobot.friction.ground import Ground
 from fem_biobot.friction.kernels import LIFTED, SLIP
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.rod.walk import walk
 from fem_biobot.solid import standing
 from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.integrate import solid_dynamics
@@ -26,7 +27,7 @@ from fem_biobot.solid.dynamics.settings import DynamicsSettings
 from fem_biobot.solid.happenings import fall, happened, uprightness
 from fem_biobot.solid.standing import FEET, Standing, stand
 from fem_biobot.solid.walk import refuse_unwalkable, solid_ground, solid_walk, walking_body
-from fem_biobot.study import solid_walking
+from fem_biobot.study import solid_walking, together_files
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.solid_walking import walk_solid
 from fem_biobot.study.walking import WalkPlan
@@ -103,9 +104,37 @@ def test_a_walk_leaves_a_whole_result(result: tuple[Path, dict[str, Any]]) -> No
     assert names >= {
         "solid.pvd", "solid_contacts.pvd", "rod.pvd", "report.html", "tables/walks.csv", "tables/walk_4Hz_air.csv",
         "tables/walk_4Hz_air_solid.csv", "figures/together_4Hz.png", "figures/feet_4Hz_air_solid.png",
+        "figures/phase_4Hz.png", "figures/together_4Hz.gif",
     }  # fmt: skip
     assert not any(".unfinished" in n or ".tmp" in n for n in names)
     assert summary["mesh"]["unknowns_1"] == _body().system.n_dofs
+
+
+def test_the_film_shows_both_machines_where_they_are(
+    result: tuple[Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The solid's parts and the rods' lines at the samples of the solid: both on the ground, one over the other.
+
+    Catches: rods at their own samples' times, offsets turned the wrong way, a line of the drawing.
+    """
+    kept = {}
+
+    def keep(path: Path, times: np.ndarray, parts: Any, feet: Any, **more: Any) -> int:
+        kept.update(times=times, parts=parts, lines=more["outlines"])
+        return 1
+
+    monkeypatch.setattr(together_files, "write_gait", keep)
+    solid = solid_walk(_design(), _body(), frequency=4.0, duration=0.5, step=5e-3, start=_standing(), discard=1)
+    rods = walk(_design(), frequency=4.0, duration=0.5, step=5e-3, discard=1)
+    together_files.film(tmp_path / "a.gif", solid, rods)
+    seen = [np.concatenate([each.points for each in kept[name]], axis=2) for name in ("parts", "lines")]
+    assert all(len(points) == len(kept["times"]) for points in seen)
+    # of one size, on one ground, about one place: to the thickness of a sole, and of the rods' beam without its plate
+    for a, b in zip(*([p.min(axis=2), p.max(axis=2)] for p in seen), strict=True):
+        np.testing.assert_allclose(a, b, atol=0.5)
+    assert np.abs(seen[1][:, 1].min(axis=1)).max() < 0.05
+    tall = [float(np.ptp(line.points[:, 1], axis=1).max()) for line in kept["lines"]]
+    assert max(tall) > 2.5
 
 
 def test_both_models_tell_of_a_walk_by_the_same_names(result: tuple[Path, dict[str, Any]]) -> None:

@@ -14,8 +14,10 @@ from PIL import Image
 
 from fem_biobot.errors import FileError
 from fem_biobot.view import gait
-from fem_biobot.view.animation import Silhouette, Trail, write_gait
+from fem_biobot.view import together as together_view
+from fem_biobot.view.animation import Outline, Silhouette, Trail, write_gait
 from fem_biobot.view.gait import Foot, energy_book, foot_forces, position, step_against_frequency
+from fem_biobot.view.together import Way, phase_portrait
 
 TIMES = np.linspace(0.0, 2.0, 81)
 ADVANCE = 0.17 * TIMES + 0.03 * np.sin(7.0 * TIMES)
@@ -36,6 +38,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
         save(figure, path, title)
 
     monkeypatch.setattr(gait, "save", keep)
+    monkeypatch.setattr(together_view, "save", keep)
     return kept
 
 
@@ -204,6 +207,43 @@ def test_feet_leave_their_ways_below_and_glow_shows_the_drive(tmp_path: Path) ->
     assert slip[0] == 0
     assert all(b > a for a, b in pairwise(slip))
     assert len(red(found[0])[0]) == 0 < len(red(found[-1])[0])
+
+
+def test_outlines_move_over_the_parts_and_are_named_once(tmp_path: Path) -> None:
+    """A red line over a grey part goes with its own points, and the picture is wide enough for it.
+
+    Catches: a line that stays, one behind the parts, a frame cut to the parts alone.
+    """
+    times = np.linspace(0.0, 1.0, 5)
+    line = np.stack([np.stack([np.full(2, 1.0 + 6.0 * t), np.array([0.2, 1.8])]) for t in times])
+    lines = [Outline(line, "#c8473c", "rods"), Outline(line + np.array([[[0.1], [0.0]]]), "#c8473c", "rods")]
+    write_gait(tmp_path / "a.gif", times, [sliding(times, "#808080")], {}, outlines=lines, rate=4.0, width=500)
+    # left of the legend's own line
+    middle = [np.median(red(frame)[1]) for frame in frames_of(tmp_path / "a.gif")[0]]
+    assert np.diff(middle).min() > 20.0
+    with pytest.raises(FileError, match="outline 0"):
+        write_gait(
+            tmp_path / "b.gif", times, [sliding(times)], {}, outlines=[Outline(line[:4], "red")], rate=4.0, width=300
+        )
+
+
+def test_the_phase_portrait_is_a_circle_of_a_swinging_tip(tmp_path: Path, drawn: list[Figure]) -> None:
+    """Of a sine of 2 Hz: rates over positions on an ellipse with the ratio of the angular frequency, from `since` on.
+
+    Catches: rates of the samples' numbers, the transient drawn, the position's rate on the left.
+    """
+    t = np.linspace(0.0, 2.0, 2001)
+    w = 4.0 * np.pi
+    way = Way(t, 0.3 * t, np.sin(w * t), {})
+    phase_portrait(tmp_path / "a.png", {"rods": way}, since=1.0)
+    (closing, rate), (again, speed) = (rows(axes)[0] for axes in drawn[-1].axes)
+    np.testing.assert_allclose(np.array(closing) ** 2 + (np.array(rate) / w) ** 2, 1.0, atol=1e-3)
+    assert len(closing) == len(again) == 1001
+    np.testing.assert_allclose(speed, 0.3, rtol=1e-9)
+    with pytest.raises(FileError, match="at least three"):
+        phase_portrait(tmp_path / "b.png", {"rods": way}, since=5.0)
+    with pytest.raises(FileError, match="found no walk"):
+        phase_portrait(tmp_path / "b.png", {})
 
 
 def test_the_animation_is_whole_the_same_and_alone(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fem_biobot.mesh.facets import facets
 from fem_biobot.rod.gait import Walk
+from fem_biobot.rod.records import Muscle
 from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.view.animation import Outline, Silhouette, write_gait
 from fem_biobot.view.machine import GEL, MUSCLE
@@ -82,7 +83,7 @@ def _lines(walk: Walk, plane: Array) -> list[Array]:
             a, c = edges[0] / 2.0, edges[2] / 2.0
             corners = [(x - a, y, z - c), (x + a, y, z - c), (x + a, y, z + c), (x - a, y, z + c), (x - a, y, z - c)]
             lines.append(seen([(body.name, corner) for corner in corners]))
-    lines += [seen([member.a, member.b]) for member in walk.model.members]
+    lines += [seen([member.a, member.b]) for member in walk.model.members if isinstance(member, Muscle)]
     return lines
 
 

@@ -10,6 +10,7 @@ from fem_biobot.design import Design
 from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.strains import exceeded_strain
 from fem_biobot.study import outputs, walk_files
+from fem_biobot.study.contact_outputs import contact_rows
 from fem_biobot.study.design_check import as_numbers, check_table, design_check
 from fem_biobot.study.plan import Found
 from fem_biobot.view.report import Table
@@ -26,11 +27,15 @@ def checked(design: Design, found: Sequence[Found], summary: Summary) -> list[di
 
 
 def report_tables(summary: Summary) -> list[Table]:
-    """The design check for the report; nothing for a machine of which nothing is asked."""
-    if not summary["design_check"]:
-        return []
-    table = check_table(summary["design_check"])
-    return [(table.title, table.header, table.rows)]
+    """What sliding rings press on their pillars, and the design check where something is asked of the machine."""
+    tables: list[Table] = []
+    if rows := contact_rows(summary["solid"]["states"]):
+        header = list(rows[0])
+        tables.append(("What the pillars bear", header, [[row[name] for name in header] for row in rows]))
+    if summary["design_check"]:
+        table = check_table(summary["design_check"])
+        tables.append((table.title, table.header, table.rows))
+    return tables
 
 
 def write_run_tables(folder: Path, summary: Summary, walks: Sequence[Walk]) -> None:
@@ -41,6 +46,7 @@ def write_run_tables(folder: Path, summary: Summary, walks: Sequence[Walk]) -> N
         ("comparison", solid.get("comparison")),
         ("error_estimate", solid.get("error_estimate")),
         ("design_check", summary.get("design_check")),
+        ("contact", contact_rows(solid["states"])),
     ):
         if rows:
             outputs.write_table(tables / f"{name}.csv", rows)

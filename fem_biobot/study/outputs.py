@@ -138,10 +138,10 @@ def machine_of(design: Design, state: SolidState) -> Machine:
     return Machine(space.points, space.nodes, regions, design.name, design.kind == "bot", focus)
 
 
-def shape_of(design: Design, state: SolidState, key: str, label: str) -> Shape:
-    """A state as it is drawn: a machine with feet stands on them."""
+def shape_of(design: Design, state: SolidState, key: str, label: str, *, stands: bool = True) -> Shape:
+    """A state as it is drawn: a machine with feet stands on them, unless it shall be where it was solved."""
     points, u, fields = state.model.system.space.points, state.u, nodal_fields(state)
-    if design.kind == "bot":
+    if design.kind == "bot" and stands:
         u = standing(points + u) - points
     return Shape(key, label, u, fields["von_mises_kPa"], fields.get("fibre_stretch_1"), fields.get("fibre_stress_kPa"))
 

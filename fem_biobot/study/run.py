@@ -27,6 +27,7 @@ from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.touching import in_contact, touching_parts
 from fem_biobot.study import compare, outputs, views, walk_files
 from fem_biobot.study.checked import checked, report_tables, write_run_tables
+from fem_biobot.study.contact_outputs import contact_numbers, draw_contact, write_contact
 from fem_biobot.study.finding import Finding, write_series
 from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
@@ -150,7 +151,7 @@ class _Job:
         self.reporter.advance(f"{mesh.n_elements} elements, {mesh.n_unknowns} unknowns")
         if missing := pardiso_missing():
             self._note(f"SuperLU factors instead of PARDISO ({missing}); slower on large meshes")
-        self._timed("compile", lambda: compile_kernels(self.reporter, self.design.mesh.element))
+        self._timed("compile", lambda: compile_kernels(self.reporter, self.design.mesh.element, sliding=self.sliding))
         solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter))
         for note in [*solver.model.system.notes, *oxygen_notes(self.design, mesh)]:
             self._note(note)
@@ -247,6 +248,7 @@ class _Job:
                 "natural_stretch_1": found.natural_stretch,
                 "load_1": found.state.step.load,
                 **measurer.measures(found.state),
+                **contact_numbers(self.design, found.state),
                 "touching": touching,
                 "file": f"solid_{len(self.files):02d}_{found.wanted.key}.vtu",
             }
@@ -256,6 +258,7 @@ class _Job:
         outputs.write_state(self.folder.path / name, found.state)
         self.files.append(name)
         outputs.write_series(self.folder.path, self.files)
+        write_contact(self.folder.path, self.files, found.state)
 
     @property
     def _shown_frequency(self) -> float:
@@ -357,6 +360,10 @@ class _Job:
         if note:
             self._note(note)
         self.figures = [(file, file.stem.replace("_", " ")) for file in files]
+        more, note = draw_contact(self.folder.path, self.design, shown)
+        if note:
+            self._note(note)
+        self.figures += more
         self.reporter.advance("pictures")
         self.figures += outputs.plot(self.folder.path, self.design, summary["solid"]["states"])
         self.reporter.advance("plots")

@@ -17,6 +17,7 @@ from fem_biobot.verification import (
     rod_systems,
     rod_turned,
     rods,
+    sliding,
     solid_fields,
     solid_machine,
     solid_moving,
@@ -30,7 +31,7 @@ from fem_biobot.verification.records import Case
 IDS = (
     *(f"S{k}" for k in range(1, 14)),
     *(f"R{k}" for k in range(1, 10)),
-    *(f"C{k}" for k in range(1, 8)),
+    *(f"C{k}" for k in range(1, 9)),
     *(f"B{k}" for k in range(1, 4)),
 )
 _FAMILIES = (
@@ -47,6 +48,7 @@ _FAMILIES = (
     contact_sticking,
     walker,
     solid_moving,
+    sliding,
     machine,
     two_models,
     published_walker,

@@ -26,6 +26,7 @@ CAMERAS: dict[str, tuple[float, float, float]] = {
     "front": (0.0, -1.0, 0.0),
     "iso": (0.50, -1.0, 0.36),
     "iso_below": (0.50, -1.0, -0.50),
+    "iso_below_left": (-0.50, -1.0, -0.50),
     # from above, a hair off the vertical so that x stays to the right
     "plan": (0.0, -1e-6, 1.0),
 }

@@ -24,19 +24,21 @@ class Told:
         self.words.append(done)
 
 
-@pytest.mark.parametrize("element", ["P2", "P2-P1"])
-def test_compilation_is_told_only_where_it_happens(element: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("element", "sliding"), [("P2", False), ("P2-P1", False), ("P2", True)])
+def test_compilation_is_told_only_where_it_happens(
+    element: str, sliding: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Silent where the cache holds all that the element needs; else what is compiled, and that it is done.
 
     Catches: a kernel that the small solve does not reach (then every run says that it compiles), a silent first run.
     """
-    compile_kernels(Told(), element)
-    assert cached(element)
+    compile_kernels(Told(), element, sliding=sliding)
+    assert cached(element, sliding=sliding)
     again = Told()
-    compile_kernels(again, element)
+    compile_kernels(again, element, sliding=sliding)
     assert again.words == []
-    monkeypatch.setattr(compiling, "cached", lambda which: False)
-    compile_kernels(again, element)
+    monkeypatch.setattr(compiling, "cached", lambda which, *, sliding: False)
+    compile_kernels(again, element, sliding=sliding)
     assert [word[:21] for word in again.words] == ["compiling the kernels", "kernels compiled"]
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -23,6 +26,10 @@ from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.touching import in_contact, touching_parts
 from fem_biobot.solid.walk import refuse_unwalkable
+from fem_biobot.study import walking
+from fem_biobot.study.plan import wanted_states
+from fem_biobot.study.reporter import Silent
+from fem_biobot.study.run import run
 from tests.helpers import box_mesh, generator
 
 SIZE = (1.0, 1.2, 1.0)
@@ -82,10 +89,11 @@ def test_uniform_pressure_passes_through_to_rounding(element: str) -> None:
     """
     state = solve(stacked((0.0, 0.0, -1.5), element=element), [1.0], settings=EXACT).last
     assert state.touch is not None
-    np.testing.assert_allclose(state.touch.traction[:, 0], 1.5, rtol=1e-11)
+    # gaps are met to 1e-13 mm, which stiffnesses of some 100 kPa/mm make tractions of
+    np.testing.assert_allclose(state.touch.traction[:, 0], 1.5, rtol=1e-10)
     for region, elements in state.model.mesh.regions.items():
         stress = state.points.S[2, elements]
-        np.testing.assert_allclose(stress, stress.mean(), rtol=1e-11, err_msg=region)
+        np.testing.assert_allclose(stress, stress.mean(), rtol=1e-10, err_msg=region)
 
 
 def test_derivatives_of_forces_and_gaps_are_their_own() -> None:
@@ -270,3 +278,70 @@ def test_surfaces_in_contact_are_no_touching_parts() -> None:
     assert not in_contact(SolidModel(stack(), model.materials, {}, model.supports)).size
     u[2, np.unique(mesh.cells[:, mesh.regions["muscle"]])] = -0.6
     assert "muscle against skeleton" in touching_parts(mesh, u, in_contact(model))
+
+
+def test_states_of_sliding_rings_rise_along_one_path() -> None:
+    """No state is met by trying tensions, none of remodelled tissue is asked for; the moulded ones stay.
+
+    Catches: friction's history bent back and forth; a remodelled state of a body that has none.
+    """
+    bot = load_design("junction_bot")
+    bonded = [each.key for each in wanted_states(bot)]
+    sliding = wanted_states(bot.with_values({"muscle.attachment": "contact", "muscle.pillar_friction": 0.3}))
+    assert [each.key for each in sliding] == [key for key in bonded if not key.startswith(("force", "remodelled"))]
+    tensions = [each.tension for each in sliding if each.tension is not None]
+    assert len(tensions) == len(sliding)
+    assert tensions == sorted(tensions)
+
+
+def test_walking_rods_say_that_their_muscle_is_bonded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first thing that a walk of a design with sliding rings says.
+
+    Catches: a walk told as that of the machine that was solved.
+    """
+    bot = load_design("junction_bot").with_values({"muscle.attachment": "contact", "muscle.pillar_friction": 0.3})
+    notes: list[str] = []
+
+    class EnoughError(Exception):
+        pass
+
+    def stop(_: object) -> None:
+        raise EnoughError
+
+    monkeypatch.setattr(walking, "compile_kernels", lambda _: None)
+    monkeypatch.setattr(walking, "reduce", stop)
+    nothing: Any = None
+    with pytest.raises(EnoughError):
+        next(walking.walks_of(bot, nothing, nothing, nothing, notes.append))
+    assert any("bonded" in note for note in notes)
+
+
+@pytest.mark.slow
+def test_a_coarse_machine_solves_goes_on_and_balances(tmp_path: Path) -> None:
+    """Interrupted after a state and resumed it ends as in one go; forces on both pillars balance and are the muscle's.
+
+    The force through the junction's middle section is an integral of stresses, exact as its elements are in balance.
+    Catches: a resumed state that forgot where it had slid from; contact forces of one side only.
+    """
+    design = load_design("junction_bot", ["mesh.size=3 mm"]).with_values(
+        {"muscle.attachment": "contact", "muscle.pillar_friction": 0.3, "muscle.passive_tension": 3.0}
+    )
+
+    class Stop(Silent):
+        def advance(self, done: str = "") -> None:
+            if done.startswith("passive"):
+                raise KeyboardInterrupt
+
+    whole = run(design, tmp_path / "whole", complete=False)
+    with pytest.raises(KeyboardInterrupt):
+        run(design, tmp_path / "parts", complete=False, reporter=Stop())
+    resumed = run(design, tmp_path / "parts", complete=False, resume=True)
+    last, other = whole["solid"]["states"][-1], resumed["solid"]["states"][-1]
+    assert other["tip_closing_mm"] == pytest.approx(last["tip_closing_mm"], rel=1e-7)
+    force = last["contact_short_force_x_mN"]
+    assert force > 0.0
+    assert last["contact_long_force_x_mN"] == pytest.approx(-force, rel=1e-6)
+    assert last["muscle_force_mN"] == pytest.approx(force, rel=1e-3)
+    assert last["contact_short_slid_mm"] > 0.0
+    assert (tmp_path / "whole" / "solid_contact.pvd").exists()
+    assert (tmp_path / "whole" / "tables" / "contact.csv").exists()

@@ -33,6 +33,7 @@ from fem_biobot import (
     walk,
 )
 from fem_biobot.material import law_from
+from fem_biobot.solid.interface.record import Sliding
 from fem_biobot.verification import (
     cardiac,
     contact,
@@ -44,6 +45,7 @@ from fem_biobot.verification import (
     rod_systems,
     rod_turned,
     rods,
+    sliding,
     solid_fields,
     solid_machine,
     solid_moving,
@@ -57,7 +59,7 @@ from fem_biobot.verification.rod_parts import rod_of
 
 Patch = pytest.MonkeyPatch
 MODULES = (
-    cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, published_walker, rod_systems, rods,
+    cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, published_walker, rod_systems, rods, sliding,
     solid_machine, solid_moving, two_models, walker,
 )  # fmt: skip
 # case to the words of a row that must fail, and the fault
@@ -243,6 +245,11 @@ def _friction_a_hundredth_larger(patch: Patch) -> None:
     patch.setattr(solid_moving, "Ground", lambda *friction: Ground(*(1.01 * mu for mu in friction)))
 
 
+@fault("C8", "tension ratio with friction")
+def _friction_of_the_band_three_hundredths_less(patch: Patch) -> None:
+    patch.setattr(sliding, "Sliding", lambda friction, **more: Sliding(friction=0.97 * friction, **more))
+
+
 @fault("B1", "over linear theory")
 def _a_beam_a_hundredth_thinner(patch: Patch) -> None:
     linear = machine.linear_closing
@@ -279,7 +286,7 @@ def forgetful() -> Iterator[None]:
     _forget()
 
 
-SLOW = ("S1", "S5", "S6", "S9", "S10", "R6", "R7", "C1", "C4", "C6", "C7", "S13", "B1", "B3")
+SLOW = ("S1", "S5", "S6", "S9", "S10", "R6", "R7", "C1", "C4", "C6", "C7", "C8", "S13", "B1", "B3")
 
 
 @pytest.mark.usefixtures("forgetful")

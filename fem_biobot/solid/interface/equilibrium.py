@@ -20,7 +20,7 @@ from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.solid.interface import kernels
 from fem_biobot.solid.interface.record import Sliding
 from fem_biobot.solid.interface.saddle import Saddle
-from fem_biobot.solid.interface.state import Touch
+from fem_biobot.solid.interface.state import LIFTED, Touch
 from fem_biobot.solid.interface.surface import surfaces_of
 from fem_biobot.solid.interface.touch import Contact, Pairing, Terms
 from fem_biobot.solid.linear import NotPositiveDefiniteError
@@ -34,8 +34,19 @@ from fem_biobot.solid.system import InvertedError, Points, System
 _TOUCHING, _ROUNDING = 1e-9, 1e-14
 # steadies iterations in proportion to what is still missed
 _CALM = 0.1
-# Newton iterations, and searches for opposite points, in a step
-_ITERATIONS, _PAIRINGS = 30, 8
+# searches for opposite points in a step
+_PAIRINGS = 8
+
+
+class Pace(NamedTuple):
+    """How bold an iteration is: by which factor it is steadied less as long as it gets on, and how long it may take."""
+
+    ease: float
+    iterations: int
+
+
+# the second is for steps that the first does not end
+_PACES = (Pace(0.3, 30), Pace(1.0, 60))
 
 
 class Slide:
@@ -74,18 +85,38 @@ class Slide:
         StepFailedError
             No convergence, an inverted element, or a singular matrix.
         """
-        before = last.touch if isinstance(last.touch, Touch) else self.contact.begun()
+        before = last.touch if last.touch is not None else self.contact.begun()
+        for pace in _PACES[:-1]:
+            try:
+                return self._find(counts, step, trial, before, scale, settings, observe, pace)
+            except StepFailedError:
+                continue
+        return self._find(counts, step, trial, before, scale, settings, observe, _PACES[-1])
+
+    def _find(
+        self,
+        counts: Counts,
+        step: Step,
+        trial: Trial,
+        before: Touch,
+        scale: float,
+        settings: NewtonSettings,
+        observe: Observer,
+        pace: Pace,
+    ) -> tuple[Equilibrium, float]:
         iterate = _Iterate(trial.u.copy(), trial.S, before.traction.copy(), scale)
         pairing = self.contact.paired(iterate.u, before)
         done = 0
         for _ in range(_PAIRINGS):
-            found, done = self._newton(iterate, pairing, step, counts, settings, observe, done)
+            found, done = self._newton(iterate, pairing, step, counts, settings, observe, done, pace)
             again = self.contact.paired(found.u, before, found.pairing)
             same = np.array_equal(again.point, pairing.point) and np.array_equal(again.facet, found.pairing.facet)
             pairing = again
             iterate = _Iterate(found.u, found.points.S, found.traction, found.scale)
             if same:
-                touch = self.contact.touch(found.traction, found.state, found.gaps, found.pairing)
+                # what is lifted carries nothing, not even what the iteration has left of it
+                traction = np.where((found.state == LIFTED)[:, None], 0.0, found.traction)
+                touch = self.contact.touch(traction, found.state, found.gaps, found.pairing)
                 share, p = found.residual / found.scale if found.scale else 0.0, np.zeros(0)
                 return Equilibrium(step, found.u, p, found.points, found.force, share, done, touch), found.scale
         text = f"contact points found other facets opposite to them {_PAIRINGS} times"
@@ -100,6 +131,7 @@ class Slide:
         settings: NewtonSettings,
         observe: Observer,
         done: int,
+        pace: Pace,
     ) -> tuple[_Found, int]:
         system, held = self.system, self.system.held
         u, traction, scale = begin.u, begin.traction.copy(), begin.scale
@@ -108,11 +140,11 @@ class Slide:
         S_geo = points.S if begin.S is None else begin.S
         lift = held.at(step) - system.to_local(u).ravel()[held.dofs]
         lifting = bool(np.any(np.abs(lift) > 0.0))
-        best = None
+        best, missed, caution = None, np.inf, 1.0 / pace.ease
         norm = worst = np.inf
         free = np.zeros(system.n_dofs)
         self._saddle = None
-        for iteration in range(_ITERATIONS + 1):
+        for iteration in range(pace.iterations + 1):
             pairing, lost = self.contact.moved(u, pairing)
             if lost:
                 raise StepFailedError(
@@ -143,7 +175,7 @@ class Slide:
                 and not lifting
             ):
                 return _Found(u, traction, points, force, terms.gaps, state, pairing, norm, scale), done
-            if iteration == _ITERATIONS:
+            if iteration == pace.iterations:
                 break
             if lifting:
                 full = np.zeros(system.n_dofs)
@@ -151,7 +183,9 @@ class Slide:
                 free = free + system.product(data, full)
                 free[held.dofs] = 0.0
             system.block(data)
-            calm = _CALM * max(norm / scale if scale else 0.0, worst / self.element)
+            missed, before = max(norm / scale if scale else 0.0, worst / self.element), missed
+            caution = caution * pace.ease if missed < before else min(1.0, caution / pace.ease**2)
+            calm = _CALM * caution * missed
             change, by = self._solved(data, terms, slope, miss, free, pairing, stiffness, calm, done)
             counts.newton += 1
             counts.factorisations += 1
@@ -168,8 +202,8 @@ class Slide:
             points = self._points(u, step, done, F)
         share = norm / scale if scale else 0.0
         text = (
-            f"no convergence in {_ITERATIONS} iterations (residual {share:.2g} of the force scale, contact missed by "
-            f"{worst:.2g} mm)"
+            f"no convergence in {pace.iterations} iterations (residual {share:.2g} of the force scale, contact missed "
+            f"by {worst:.2g} mm)"
         )
         raise StepFailedError(text, Why.iterations, element=system.loudest(free), iteration=done, best=best)
 

@@ -22,8 +22,6 @@ from fem_biobot.files import replacing
 
 DPI = 160
 INK, SOFT, GRID, BAND = "#1f2429", "#667079", "#e3e7ea", "#f3f5f6"
-# names in one row of a legend above axes
-_MOST_ABOVE = 3
 # Okabe and Ito's colours, told apart by every kind of colour vision
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
@@ -119,16 +117,20 @@ def _drawn(axes: Axes) -> list[Line2D]:
 
 
 def _clear_curves(figure: Figure) -> None:
-    """Legends that lie over curves go above their axes; long ones to the right where no other axes stand there."""
+    """Legends that lie over curves go above their axes, in as many columns as fit over them."""
     figure.draw_without_rendering()
     for axes in [axes for axes in figure.axes if covers(axes)]:
-        names, place = axes.get_legend(), axes.get_subplotspec()
+        names = axes.get_legend()
         assert names is not None
-        count = len(names.get_texts())
-        if count > _MOST_ABOVE and (place is None or place.get_gridspec().ncols == 1):
-            names.set_loc("center left")
-            names.set_bbox_to_anchor((1.0, 0.5), axes.transAxes)
-        else:
-            names.set_ncols(min(count, _MOST_ABOVE))
-            names.set_loc("lower right")
-            names.set_bbox_to_anchor((1.0, 1.0), axes.transAxes)
+        handles, words = [each for each in names.legend_handles if each is not None], names.get_texts()
+        for columns in range(len(words), 0, -1):
+            names = axes.legend(
+                handles, [word.get_text() for word in words], frameon=False, fontsize=8.5, labelcolor=INK,
+                ncols=columns, loc="lower right", bbox_to_anchor=(1.0, 1.0),
+            )  # fmt: skip
+            # too wide a one would leave no room for the axes
+            names.set_in_layout(False)
+            figure.draw_without_rendering()
+            if names.get_window_extent().width <= axes.get_window_extent().width:
+                break
+        names.set_in_layout(True)

@@ -103,11 +103,15 @@ def test_rows_that_do_not_fit_are_refused_by_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("columns", [1, 2])
 def test_no_legend_lies_over_a_curve(tmp_path: Path, columns: int) -> None:
-    """Catches: a legend left over curves that fill their axes, one put over the axes' neighbour."""
+    """Curves fill their axes.
+
+    Catches: a legend left over them, one put over the axes' neighbour, or squeezing its own.
+    """
     figure, all_axes = graph.side_by_side(columns, (3.4 * columns, 2.6))
     x = np.linspace(0.0, 1.0, 400)
     for axes in all_axes:
-        axes.plot(x, np.sin(60.0 * x), label="the whole of the axes")
+        for k in range(3):
+            axes.plot(x, np.sin(60.0 * x + k), label=f"the whole of the axes, number {k}")
         graph.legend(axes)
     figure.draw_without_rendering()
     assert all(graph.covers(axes) for axes in all_axes)
@@ -116,6 +120,7 @@ def test_no_legend_lies_over_a_curve(tmp_path: Path, columns: int) -> None:
     assert not any(graph.covers(axes) for axes in all_axes)
     boxes = [axes.get_legend().get_window_extent() for axes in all_axes]  # type: ignore[union-attr]
     for number, box in enumerate(boxes):
+        assert all_axes[number].get_window_extent().width > 0.25 * figure.bbox.width
         assert not any(box.overlaps(axes.get_window_extent()) for axes in all_axes), number
         assert figure.bbox.x0 <= box.x0, number
         assert box.x1 <= figure.bbox.x1, number

@@ -174,9 +174,13 @@ def _walk_command(
     model: Annotated[
         str, typer.Option("--model", metavar="MODEL", help="Which model walks: rod, solid or both.")
     ] = "rod",
+    stroke_from: Annotated[
+        str,
+        typer.Option("--stroke-from", metavar="MODEL", help="solid: the rods also walk with the stroke of the solid."),
+    ] = "rod",
 ) -> Job:
     """Walk a design over its ground: steps, speed, foot forces, work, with plots and an animation."""
-    return partial(jobs.walk, order, WalkOrder(frequency or (), duration, amplitude, model))
+    return partial(jobs.walk, order, WalkOrder(frequency or (), duration, amplitude, model, stroke_from))
 
 
 @app.command("crosscheck")

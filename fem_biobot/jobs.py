@@ -66,12 +66,20 @@ def walk(order: Order, walking: WalkOrder) -> int:
 
     design, plan = load_design(order.design, order.sets), walk_plan(order, walking)
     word = {"rod": "walk", "solid": "walk_solid", "both": "walk_both"}[walking.model]
+    word = "walk_stroke" if walking.stroke_from == "solid" else word
     folder = result_folder(design, order.out or Path("runs") / f"{safe_name(design.name)}_{word}")
     size, names = mesh_size(order.size), region_names(order.rename)
 
     from fem_biobot.results import walk_table
 
     def work(reporter: Reporter) -> dict[str, Any]:
+        if walking.stroke_from == "solid":
+            from fem_biobot.study.stroke_walking import walk_with_stroke
+
+            return walk_with_stroke(
+                design, folder, plan, mesh_file=order.mesh_file, names=names or None, size=size, force=order.force,
+                resume=order.resume, reporter=reporter,
+            )  # fmt: skip
         if walking.model == "rod":
             from fem_biobot.study.walking import walk_design
 

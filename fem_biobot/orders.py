@@ -46,6 +46,7 @@ class WalkOrder:
     duration: str | None = None
     amplitude: str | None = None
     model: str = "rod"
+    stroke_from: str = "rod"
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,13 @@ def walk_plan(order: Order, walking: WalkOrder) -> WalkPlan:
 
     if walking.model not in ("rod", "solid", "both"):
         raise DesignError(f"--model: found {shown(walking.model)}, expected rod, solid or both")
-    if walking.model == "rod":
+    if walking.stroke_from not in ("rod", "solid"):
+        raise DesignError(f"--stroke-from: found {shown(walking.stroke_from)}, expected rod or solid")
+    if walking.stroke_from == "solid" and walking.model != "rod":
+        raise DesignError(
+            f"--stroke-from: found solid with --model {walking.model}, expected --model rod, which takes it"
+        )
+    if walking.model == "rod" and walking.stroke_from == "rod":
         for option, given in (("--size", order.size), ("--mesh", order.mesh_file)):
             if given is not None:
                 raise DesignError(

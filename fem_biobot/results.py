@@ -80,6 +80,7 @@ def remarks(summary: Mapping[str, Any], kind: str) -> list[str]:
 
 _WALK_COLUMNS = {
     "model": "model",
+    "stroke_from": "rods with",
     "immersion": "in",
     "frequency_Hz": "Hz",
     "active_force_mN": "active force [mN]",

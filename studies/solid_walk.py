@@ -6,7 +6,7 @@ What do three strokes of the meshed junction bot at 2 Hz, after settling, say of
 of it is the time step and the scheme, how far is it from the rods under the same drive, and what does it cost?
 
 Run: ``python studies/solid_walk.py [--level smoke|full|long] [--out FOLDER]``; about twenty minutes at level full on an
-idle core; level long adds a mesh of about 50 000 unknowns and takes hours.
+idle core; level long adds a mesh of about 50 000 unknowns and takes twenty more.
 """
 
 from __future__ import annotations
@@ -200,14 +200,17 @@ def run(level: str) -> Study:
 
 # --- found ------------------------------------------------------------------------------------------------------------
 #
-# Walks of level full as far as they were made, at 12 156 unknowns (whose static closing is within 1.6 % of that at
-# 45 294) or, where said so, at 7440 over three strokes.
+# Walks at 12 156 and 45 294 unknowns (whose static closings are 1.6 % apart), five strokes each, and, where said so,
+# at 7440 over three.
 #
-# * The solid walks toward its long pillar. With `backward_euler` a step is 0.037, 0.044 and 0.049 mm at 4, 2 and 1
-#   ms, with `soft_landing` 0.057 mm at 2 ms (strokes from 0.047 to 0.067); at 7440 unknowns 0.039, 0.041 and 0.042 mm
-#   at 4, 2 and 1 ms. Backward Euler takes 0.028 uJ a stroke at 4 ms, a tenth of the muscle's work, soft landing 0.002
-#   uJ at 2 ms. Rods say the same of it: with backward Euler's dissipation 0.0005, 0.086 and 0.111 mm at 4, 2 and 1
-#   ms, with their own scheme 0.133 mm at 1 and at 0.25 ms.
+# * The solid walks toward its long pillar. With `soft_landing` a step is 0.056 mm at 1 ms and 0.057 mm at 2 ms (strokes
+#   from 0.047 to 0.067), with `backward_euler` 0.037, 0.044 and 0.049 mm at 4, 2 and 1 ms; at 7440 unknowns 0.039,
+#   0.041 and 0.042 mm at 4, 2 and 1 ms. Backward Euler takes 0.028 uJ a stroke at 4 ms, a tenth of the muscle's work,
+#   soft landing 0.002 uJ at 2 ms and 0.0007 at 1 ms. Rods say the same of it: with backward Euler's dissipation 0.0005,
+#   0.086 and 0.111 mm at 4, 2 and 1 ms, with their own scheme 0.133 mm at 1 and at 0.25 ms.
+# * On the finer mesh, at 2 ms, a step is 0.065 mm, from the second stroke on the same to 2e-8 mm, and the stroke 0.321
+#   mm against 0.281: halving the step moves the walk by a hundredth, the mesh by an eighth. That is
+#   more than the statics of the two differ by; which part of contact or mesh it comes from was not isolated.
 # * Beside the rods (0.128 to 0.144 mm for seven of eight starts, 0.031 mm for one) the solid's step is less than
 #   half. What parts them is the jump from static to kinetic friction: with 0.3 for both the solid makes 0.054 mm a
 #   step (7440 unknowns, 2 ms) and the rods 0.067, a fifth apart; 0.42 / 0.3 doubles the rods' step and leaves the
@@ -216,14 +219,13 @@ def run(level: str) -> Study:
 # * The stroke is 0.28 mm, the rods' 0.38 mm, with equal coefficients 0.30 and 0.43 mm: seven tenths either way. Half
 #   of that is stiffness: floating, full drive closes the solid by 1.04 mm and the rods (no plate factor) by 1.20 mm.
 #   The rest was not isolated.
-# * Largest forces on a foot: 1.68 mN normal and 0.40 mN of friction, the rods' 1.76 and 0.53 mN. The book of energies
-#   closes to 1e-9 of the muscle's work.
-# * Cost at 2 ms: 49 processor-seconds a simulated second at 12 156 unknowns (5.6 iterations a step, a factorisation
-#   every 15 steps), 23 at 7440. At 45 294 unknowns ten steps took 9.5 s, a factorisation among them, and standing 57 s:
-#   eight minutes a simulated second. Three quarters of that are solutions with the factor, half of them for the
-#   compliance of the feet; the contact problem is a tenth.
+# * Largest forces on a foot: 1.51 mN normal and 0.40 mN of friction on both meshes, the rods' 1.76 and 0.53 mN. The
+#   book of energies closes to 1e-9 of the muscle's work.
+# * Cost at 2 ms, beside other work: 287 processor-seconds a simulated second and 1.0 GiB at 45 294 unknowns (5.3
+#   iterations a step, a factorisation every 15 steps), 49 at 12 156, 23 at 7440. Of the first 39 % are solutions with
+#   the factor, 23 % the compliance of the feet, 18 % the contact problem, 15 % forces, 4 % factorisations.
 #
-# Not looked at: the gait at 50 000 unknowns (level long), ensembles of the solid's starts, drag.
+# Not looked at: ensembles of the solid's starts, meshes beyond 50 000 unknowns, steps below 2 ms on the finest.
 
 # --- expect -----------------------------------------------------------------------------------------------------------
 

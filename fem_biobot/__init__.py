@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fem_biobot.material.blemker import Blemker
     from fem_biobot.material.conventions import Convention
     from fem_biobot.material.dispersion import Dispersion
+    from fem_biobot.material.force_velocity import ForceVelocity
     from fem_biobot.material.gent import Gent
     from fem_biobot.material.guccione import Guccione
     from fem_biobot.material.holzapfel_ogden import HolzapfelOgden
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from fem_biobot.rod.statics import RodSolution, RodStep, reaction, statics
     from fem_biobot.rod.touch import Touch
     from fem_biobot.rod.walk import walk
+    from fem_biobot.solid.dynamics.drag import SurfaceDrag
     from fem_biobot.solid.dynamics.integrate import solid_dynamics
     from fem_biobot.solid.dynamics.motion import SolidMotion
     from fem_biobot.solid.from_design import tension_step
@@ -80,6 +82,7 @@ _HOMES = {
     "material.blemker": ("Blemker",),
     "material.conventions": ("Convention",),
     "material.dispersion": ("Dispersion",),
+    "material.force_velocity": ("ForceVelocity",),
     "material.gent": ("Gent",),
     "material.guccione": ("Guccione",),
     "material.holzapfel_ogden": ("HolzapfelOgden",),
@@ -122,6 +125,7 @@ _HOMES = {
     "rod.touch": ("Touch",),
     "rod.statics": ("RodSolution", "RodStep", "reaction", "statics"),
     "rod.walk": ("walk",),
+    "solid.dynamics.drag": ("SurfaceDrag",),
     "solid.dynamics.integrate": ("solid_dynamics",),
     "solid.dynamics.motion": ("SolidMotion",),
     "solid.from_design": ("tension_step",),
@@ -150,6 +154,7 @@ __all__ = [
     "Drag",
     "FileError",
     "Fix",
+    "ForceVelocity",
     "Foundation",
     "Gent",
     "Gravity",
@@ -189,6 +194,7 @@ __all__ = [
     "Spherical",
     "Spring",
     "Step",
+    "SurfaceDrag",
     "Symmetry",
     "Touch",
     "Traction",

@@ -18,6 +18,7 @@ from fem_biobot.verification import (
     rod_turned,
     rods,
     sliding,
+    solid_driven,
     solid_fields,
     solid_machine,
     solid_moving,
@@ -29,7 +30,7 @@ from fem_biobot.verification.records import Case
 
 # every case that there shall be, in order
 IDS = (
-    *(f"S{k}" for k in range(1, 14)),
+    *(f"S{k}" for k in range(1, 16)),
     *(f"R{k}" for k in range(1, 10)),
     *(f"C{k}" for k in range(1, 9)),
     *(f"B{k}" for k in range(1, 4)),
@@ -49,6 +50,7 @@ _FAMILIES = (
     walker,
     solid_moving,
     sliding,
+    solid_driven,
     machine,
     two_models,
     published_walker,

@@ -46,6 +46,7 @@ from fem_biobot.verification import (
     rod_turned,
     rods,
     sliding,
+    solid_driven,
     solid_fields,
     solid_machine,
     solid_moving,
@@ -60,7 +61,7 @@ from fem_biobot.verification.rod_parts import rod_of
 Patch = pytest.MonkeyPatch
 MODULES = (
     cardiac, contact, contact_sticking, cook, machine, muscle_and_spring, published_walker, rod_systems, rods, sliding,
-    solid_machine, solid_moving, two_models, walker,
+    solid_driven, solid_machine, solid_moving, two_models, walker,
 )  # fmt: skip
 # case to the words of a row that must fail, and the fault
 FAULTS: dict[str, tuple[str, Callable[[Patch], None]]] = {}
@@ -145,6 +146,18 @@ def _a_body_a_hundredth_denser(patch: Patch) -> None:
         return solid_dynamics(*given, densities={name: 1.01 * rho for name, rho in densities.items()}, **more)
 
     patch.setattr(solid_moving, "solid_dynamics", moved)
+
+
+@fault("S14", "rate under 0.35 of the force, solid")
+def _a_fastest_shortening_off_by_a_hundredth(patch: Patch) -> None:
+    curve = solid_driven.ForceVelocity
+    patch.setattr(solid_driven, "ForceVelocity", lambda fastest, *more: curve(1.01 * fastest, *more))
+
+
+@fault("S15", "terminal speed")
+def _a_millionth_more_drag(patch: Patch) -> None:
+    drag = solid_driven.SurfaceDrag
+    patch.setattr(solid_driven, "SurfaceDrag", lambda a, b: drag(a, (1.0 + 1e-6) * b))
 
 
 @fault("R1", "x / L, half of it")

@@ -29,11 +29,11 @@ from fem_biobot.rod.reduce import PlateFactor, reduce
 from fem_biobot.rod.walk import walk
 from fem_biobot.solid.measures import eq3_stiffness
 from fem_biobot.study.claims import Claim
+from fem_biobot.study.other_machines import other_machines
 from fem_biobot.study.paper import (
     EFFICIENCY,
     MEASURED_WIDTHS,
     PASSIVE_FORCE,
-    RING_BOT_FORCE,
     SIMULATED_FORCE_TO_DEFLECTION,
     SPEED_4_HZ,
     STROKE_FORCE_2_HZ,
@@ -92,8 +92,8 @@ def validate(design: Design, mesh: BodyMesh, reporter: Reporter) -> tuple[list[C
     solid_side, rod_side = SolidSide(design, mesh), RodSide(design, reduce(design))
     solid, solid_states = solid_side.states(tensions, reporter)
     rods, rod_states = rod_side.states(tensions, reporter)
-    claims = [*_deflections(solid, rods), *_forces(design, solid, rods), _ring_bot(reporter), *_widths(design)]
-    claims += _walking(design, reporter)
+    claims = [*_deflections(solid, rods), *_forces(design, solid, rods), *_widths(design)]
+    claims += [*_walking(design, reporter), *other_machines(reporter)]
     both = level_both(solid_side, solid_states, rod_side, rod_states, tensions)
     return [*claims, *_sizes(design), *_not_predicted()], sensitivities(design), both
 
@@ -172,24 +172,6 @@ def _forces(design: Design, solid: Sequence[Observed], rods: Sequence[Observed])
         )
     )
     return claims
-
-
-def _ring_bot(reporter: Reporter) -> Claim:
-    """The small ring bot, by rods and by Eq. 2 with the paper's own inputs."""
-    rods = None
-    try:
-        design = load_design("ring_bot")
-        states, _ = RodSide(design, reduce(design)).states([design.tension(0.0)], reporter)
-        rods = states[-1].numbers["muscle_force_mN"]
-    except (ModelError, SolveError) as failure:
-        reporter.note(f"ring bot: {failure}")
-    return Claim(
-        "force of the ring bot",
-        RING_BOT_FORCE,
-        None,
-        rods,
-        why="the paper's Eq. 2 with a strain that it does not print; the solid's is in `run ring_bot`",
-    )
 
 
 def _widths(design: Design) -> list[Claim]:

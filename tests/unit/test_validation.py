@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,26 @@ def test_numbers_outside_are_told_and_end_with_1(
     told = capsys.readouterr()
     assert f", {summary['validate']['failed_1']} lie outside what was printed" in told.err
     assert "outside: passive force, 15 days" in told.out
+
+
+def test_other_machines_are_judged_too(result: tuple[Path, dict[str, Any], int]) -> None:
+    """The ring bot by both models, its solid between both readings of the ring; Raman's ring; trains of twitches.
+
+    Catches: a machine's rods for its solid, the section of another ring, trains that the twitch was fitted to.
+    """
+    rows = {row["claim"]: row for row in result[1]["validate"]["rows"]}
+    ring = rows["force of the ring bot"]
+    stuck = rows["force of the ring bot, rods whose ring is stuck to the pillars"]
+    assert ring["solid"] == pytest.approx(2.76, abs=0.1)
+    assert stuck["rods"] < ring["rods"] < ring["solid"]
+    closings = [float(found) for found in re.findall(r"by (\d\.\d+) mm", ring["why"])]
+    assert closings[2] < closings[0] < closings[1]
+    assert rows["active force of Raman's ring"]["equations"] == pytest.approx(0.56 * 1.7 / 3.2, rel=1e-12)
+    trains = [row for claim, row in rows.items() if "swimmer's ring" in claim]
+    assert len(trains) == 8
+    assert all(0.6 < row["equations"] / row["printed"] < 1.3 for row in trains)
+    assert rows["force expected of 1 mm^2 of muscle"]["equations_verdict"] == "holds"
+    assert all(row["why"] for row in rows.values())
 
 
 def test_deflections_are_those_of_the_machine(result: tuple[Path, dict[str, Any], int]) -> None:

@@ -28,7 +28,7 @@ _JUNCTION = ("muscle.junction_width", "muscle.junction_thickness")
 _OPTIONAL = ("skeleton.pillar_count", "skeleton.fillet_radius", "muscle.ring_offset")
 _PARTS = frozenset((*_PILLARS, *_RING, *_JUNCTION, *_OPTIONAL, "muscle.junction_length"))
 # of what rods alone have no use for
-_SOLID = ("mesh.size", "mesh.element", "numerics.tolerance", "numerics.linear")
+_SOLID = ("mesh.size", "mesh.grading", "mesh.element", "numerics.tolerance", "numerics.linear")
 _MEDIUM = ("ground.immersion", "ground.medium_density", "ground.viscosity")
 
 # Smallest clearance worth meshing, relative to the beam's thickness: what only rounding separates is in touch.

@@ -31,6 +31,7 @@ from fem_biobot.design_kinds import (
     Gain,
     GammaScales,
     GelFace,
+    Grading,
     Immersion,
     Law,
     Layout,
@@ -329,6 +330,11 @@ class MeshSettings(Record, frozen=True):
     """How the body is divided."""
 
     size: PositiveLength = Field(description="Edge length asked of the mesh generator away from refinement [mm]")
+    grading: Grading = Field(
+        default="even",
+        description="even: finer in thin parts and corners; closing: finer where the tips' closing is decided, half "
+        "again as many unknowns at the same size",
+    )
     element: Element = Field(
         default="P2",
         description="P2: quadratic tetrahedra, displacement only; P2-P1: with a linear pressure, for ratios up to 0.5",

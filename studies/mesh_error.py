@@ -375,10 +375,10 @@ mm with 458 982 unknowns (5.5 GB, nine minutes). Numbers in brackets are with it
   estimated error 45 % sits within 0.6 mm of the re-entrant corners, 12 % in the beam's span, 35 % in the rings' inner
   legs, most of it at the edges by which the junction enters them, where the fibres turn; none in the middle of the
   junction with 13 % of the elements.
-* Graded by hand (0.11 mm about these edges, 0.22 in the legs, 0.18 at the corners, 0.6 in the span, 0.4 in the
-  junction) 94 998 unknowns give 3.702 mm and 4.400 mN. All of it 1.4 times as coarse, 56 598 give 3.693 and 4.403,
-  nearer than the preset's mesh with fewer unknowns; 1.96 times, 34 716 give 3.677 and 4.412. The general size alone,
-  at 0.64 mm, gives 3.688 with 110 802. A closing within 1 % asks for about 80 000 unknowns so graded. Three such
+* Graded by hand (`mesh.grading`: 0.11 mm about these edges, 0.22 in the legs, 0.18 at the corners, 0.6 in the span,
+  0.4 in the junction) 94 998 unknowns give 3.702 mm and 4.400 mN. All of it 1.4 times as coarse, 56 598 give 3.693 and
+  4.403, nearer than the preset's mesh with fewer unknowns; 1.96 times, 34 716 give 3.677 and 4.412. The general size
+  alone, at 0.64 mm, gives 3.688 with 110 802. A closing within 1 % asks for about 80 000 unknowns so graded. Three such
   meshes do not prove it: their changes fall like the fourth power of the mean element size, faster than what is left.
   With 0.06 mm at those edges among large elements, or in a second round of refinement, no equilibrium is found above
   nine tenths of full drive: an element at the edge folds.

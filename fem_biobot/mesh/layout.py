@@ -77,6 +77,8 @@ class Layout:
         x of the sections that the mesh must contain as facets of the muscle.
     beam_cuts
         The same for the beam, so that landmarks inside it lie on facets.
+    for_closing
+        Whether a mesh is to be finer where the tips' closing is decided.
     """
 
     beam: Box | None
@@ -92,6 +94,7 @@ class Layout:
     volume_slack: Mapping[str, float] = field(default_factory=dict)
     cuts: tuple[float, ...] = ()
     beam_cuts: tuple[float, ...] = ()
+    for_closing: bool = False
 
 
 def layout(design: Design) -> Layout:
@@ -171,6 +174,7 @@ def _bot(design: Design) -> Layout:
         {"skeleton": slack},
         cuts,
         (pillars[0].high[0], 0.0, pillars[-1].low[0]),
+        design.mesh.grading == "closing",
     )
 
 

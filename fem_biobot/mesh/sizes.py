@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,14 @@ CORNER_SHARE = 0.4
 # the middle of a corner line, where the stress is averaged in a ball, within this share of the beam's thickness
 CORNER_MIDDLE_SHARE = 0.2
 CORNER_MIDDLE_REACH = 0.4
+# The same of meshes for the closing, found by hand beside what `study.adaptive` asks for: the junction's middle has no
+# share in its error, the beam's span and corners have, and most of all the edges by which a junction enters the
+# rings. Finer there, an element may fold before full drive.
+CLOSING_JUNCTION_ACROSS = 1.32
+CLOSING_CORNER_SHARE, CLOSING_SPAN_SHARE = 0.2, 0.667
+ENTRY_SHARE, LEG_SHARE = 0.122, 0.245
+# of a ring's thickness: how far about the edges; of a junction's half width: how far along the ring's leg
+ENTRY_REACH, LEG_REACH = 0.3, 1.8
 # how fast elements grow with the distance from a refined part
 GROWTH = 0.45
 
@@ -93,8 +102,12 @@ def _zones(plan: Layout, h: float, corner_share: float) -> Iterator[tuple[Box, f
     if not plan.pillars or plan.beam is None:
         return
     thickness = plan.beam.high[2] - plan.beam.low[2]
+    across = JUNCTION_ACROSS
+    if plan.for_closing:
+        across, corner_share = CLOSING_JUNCTION_ACROSS, min(corner_share, CLOSING_CORNER_SHARE)
+        yield from _closing_zones(plan, h)
     for box in plan.thin:
-        yield box, (box.high[2] - box.low[2]) * h / (JUNCTION_ACROSS * thickness)
+        yield box, (box.high[2] - box.low[2]) * h / (across * thickness)
     for hole in plan.holes:
         ring = next(box for box in plan.muscle if box not in plan.thin and box.low[0] < hole.low[0] < box.high[0])
         yield ring, (hole.low[0] - ring.low[0]) * h / (RING_ACROSS * thickness)
@@ -108,3 +121,28 @@ def _zones(plan: Layout, h: float, corner_share: float) -> Iterator[tuple[Box, f
         x, y, z = plan.landmarks[name]
         d = CORNER_MIDDLE_REACH * thickness
         yield Box((x - d, y - d, z - d), (x + d, y + d, z + d)), min(corner_share, CORNER_MIDDLE_SHARE) * h
+
+
+def _closing_zones(plan: Layout, h: float) -> Iterator[tuple[Box, float]]:
+    """Where the tips' closing is decided: spans of the beam, legs of rings at a junction, edges of its entries."""
+    assert plan.beam is not None
+    for left, right in pairwise(plan.pillars):
+        low, high = plan.beam.low, plan.beam.high
+        yield Box((left.high[0], low[1], low[2]), (right.low[0], high[1], high[2])), CLOSING_SPAN_SHARE * h
+    for junction in plan.thin:
+        half, (_, _, z0), (_, _, z1) = junction.high[1], junction.low, junction.high
+        for ring, hole in zip((box for box in plan.muscle if box not in plan.thin), plan.holes, strict=True):
+            w, reach = hole.low[0] - ring.low[0], LEG_REACH * half
+            d = ENTRY_REACH * w
+            # the ring's leg on the junction's side, and its face there
+            if abs(junction.low[0] - hole.high[0]) < w:
+                leg, face = (hole.high[0], ring.high[0]), ring.high[0]
+            elif abs(junction.high[0] - hole.low[0]) < w:
+                leg, face = (ring.low[0], hole.low[0]), ring.low[0]
+            else:
+                continue
+            yield Box((leg[0], -reach, ring.low[2]), (leg[1], reach, ring.high[2])), LEG_SHARE * h
+            for z in (z0, z1):
+                yield Box((face - d, -half, z - d), (face + d, half, z + d)), ENTRY_SHARE * h
+            for y in (-half, half):
+                yield Box((face, y, z0), (face, y, z1)), ENTRY_SHARE * h

@@ -13,7 +13,8 @@ from fem_biobot.mesh.tagged import read_mesh, write_mesh
 
 def stored_file(design: Design, folder: Path) -> Path:
     """File of a design's mesh in a store: named by what shapes it, and by nothing else."""
-    return folder / f"{geometry_digest(design)}_{design.mesh.size!r}mm.msh"
+    graded = "" if design.mesh.grading == "even" else f"_{design.mesh.grading}"
+    return folder / f"{geometry_digest(design)}_{design.mesh.size!r}mm{graded}.msh"
 
 
 def stored_mesh(design: Design, folder: Path) -> tuple[BodyMesh, list[str]]:

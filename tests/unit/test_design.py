@@ -399,7 +399,7 @@ def test_keys_that_resemble_nothing_list_what_the_section_has() -> None:
     Catches: a suggestion at any distance, a raw line break from a quoted TOML key.
     """
     message = unknown_key("mesh.qqqqq")
-    assert message == "mesh.qqqqq: unknown key, expected one of: size, element"
+    assert message == "mesh.qqqqq: unknown key, expected one of: size, grading, element"
     assert "skeleton.material" in unknown_key("foo.bar")
     assert "\n" not in unknown_key("mesh.a\nb")
 

@@ -217,7 +217,7 @@ class Muscle(Record, frozen=True):
         description="bonded: tissue grown onto its pillars; contact: rings lie on them, press, lift off and slide",
     )
     pillar_friction: OptionalCoefficient = Field(
-        default=None, description="contact: Coulomb coefficient between ring and pillar, 0 if left out [1]"
+        default=None, description="contact: Coulomb coefficient between ring and pillar, to be given with it [1]"
     )
     pillar_axial_friction: OptionalCoefficient = Field(
         default=None, description="contact: that against sliding along the pillar; pillar_friction if left out [1]"

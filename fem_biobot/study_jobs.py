@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fem_biobot.design_checks import refuse_without_solid
+from fem_biobot.design_checks import refuse_unbonded, refuse_without_solid
 from fem_biobot.errors import DesignError
 from fem_biobot.orders import Order, length, mesh_size
 from fem_biobot.telling import result_folder, safe_name, show, usable_folder, worked
@@ -25,6 +25,7 @@ def convergence(
 
     design = load_design(order.design, order.sets)
     refuse_without_solid(design, "mesh")
+    refuse_unbonded(design, "compare meshes and elements")
     numbers = None
     if sizes is not None:
         numbers = tuple(mesh_size(part) or 0.0 for part in sizes.replace("mm", "").split(",") if part.strip())

@@ -203,13 +203,7 @@ def along_arc(line: tuple[Point, Point, float], radius: float) -> list[np.ndarra
 def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dict[str, object], SolidState]:
     """Measures of the state on one mesh with one element, and the state."""
     whole = SolidModel.from_design(design, mesh)
-    if element != whole.element:
-        model = SolidModel(
-            whole.mesh, whole.materials, whole.active, whole.supports, whole.loads, element=element,
-            sliding=whole.sliding,
-        )  # fmt: skip
-    else:
-        model = whole
+    model = SolidModel(mesh, whole.materials, whole.active, whole.supports, whole.loads, element=element)
     tension = design.tension(design.drive.amplitude) if design.muscle is not None else 0.0
     state = solve(model, [tension_step(design, tension)]).last
     found = Measurer(design, model).measures(state)

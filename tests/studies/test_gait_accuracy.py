@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.studies.loading import load_study, refuses, smoke_of
@@ -71,6 +72,37 @@ def test_the_study_refuses_steps_that_did_not_converge_and_gaits_that_part() -> 
         found = copy.deepcopy(smoke())
         found.gaits[1].update({"variant": module.FINE_MESH} | change)
         refuses(lambda found=found: module.expect(found, "full"), word)
+
+
+def test_groups_of_strokes_are_compared_kind_by_kind_and_settled_ones_are_limited(tmp_path: Path) -> None:
+    """Groups of three of two meshes, 3 % apart where they settled: shown, written, and more than is allowed.
+
+    Catches: kinds compared in the order of their shares, walks that go backward grouped, a limit never compared.
+    """
+    module = study()
+    three, other = [0.12, 0.1, -0.04], [0.11, 0.12, 0.1, -0.05]
+
+    def ensemble(*parts: list[float]) -> Any:
+        advances = np.concatenate([[-0.1], *parts])
+        forward = SimpleNamespace(advances=advances, step_mm=float(advances.mean()), frequency=1.0)
+        backward = SimpleNamespace(advances=-np.abs(advances), step_mm=-0.1, frequency=1.0)
+        return SimpleNamespace(walks=(forward, backward))
+
+    base = module.group_rows(ensemble(three, three, three, other), 0, "a", module.PUBLISHED, [])
+    assert [row["strokes"] for row in base] == ["3", "others"]
+    assert base[0]["starts_1"] == 1
+    more = [1.03 * v for v in three]
+    fine = module.group_rows(ensemble(other, other, more, more, more), 0, module.SHORT_FINE, module.PUBLISHED, base)
+    assert fine[0]["change_pct"] == pytest.approx(3.0, rel=1e-9)
+    assert fine[0]["settled_change_pct"] == pytest.approx(3.0, rel=1e-9)
+    assert "settled_change_pct" not in fine[1]
+    found = copy.deepcopy(smoke())
+    found.groups = [*base, *fine]
+    titles = [table.title for table in module.tables(found)]
+    assert "Groups of strokes" in titles
+    module.write(found, tmp_path)
+    assert len((tmp_path / "groups.csv").read_text().splitlines()) == 1 + len(found.groups)
+    refuses(lambda: module.expect(found, "full"), "settled advance changes by 3 %")
 
 
 def test_a_gait_is_compared_with_the_nearest_of_the_other_variant() -> None:

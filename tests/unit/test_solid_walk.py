@@ -24,6 +24,7 @@ from fem_biobot.solid import standing
 from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.integrate import solid_dynamics
 from fem_biobot.solid.dynamics.settings import DynamicsSettings
+from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.solid.happenings import fall, happened, uprightness
 from fem_biobot.solid.standing import FEET, Standing, stand
 from fem_biobot.solid.walk import refuse_unwalkable, solid_ground, solid_walk, walking_body
@@ -194,6 +195,44 @@ def test_a_walk_that_fails_keeps_its_strokes() -> None:
     with pytest.raises(SolveError, match="walk: solid_dynamics: no step") as failure:
         solid_walk(_design(), _body(), duration=0.5, start=_standing(), settings=hard)
     assert len(failure.value.best.times) == 1
+
+
+def _stroke(*more: str, amplitude: float = 1.0) -> SolidWalk:
+    """A stroke of the solid at 4 Hz from where it stands."""
+    design = _design(*more)
+    body = walking_body(design, _mesh())
+    return solid_walk(design, body, frequency=4.0, duration=0.25, amplitude=amplitude, start=_standing())
+
+
+@pytest.mark.slow
+def test_muscle_that_feels_its_velocity_closes_both_models_less() -> None:
+    """A stroke of solid and of rods with a slow muscle, each over its own with a fast one: much smaller, roughly alike.
+
+    The rods swing at 4 Hz without the curve, which the coarse solid does not.
+
+    Catches: a curve that one of the two does not take from the design, one that acts on the standing tension.
+    """
+    slow = "muscle.force_velocity.fastest=0.5 1/s"
+    ways = []
+    for more in ((), (slow,)):
+        rods = walk(_design(*more), frequency=4.0, duration=0.5)
+        ways.append([float(np.ptp(found.tip_closing)) for found in (_stroke(*more), rods)])
+    shares = np.array(ways[1]) / np.array(ways[0])
+    assert shares.max() < 0.5
+    assert abs(shares[0] - shares[1]) < 0.25
+
+
+@pytest.mark.slow
+def test_stimulation_in_space_and_time_multiplies_the_drive() -> None:
+    """Half of it everywhere is half of the drive, to rounding; a half that is off moves the machine less.
+
+    Catches: an activation at rest in a walk, one that scales the standing tension.
+    """
+    half, plain = (found.motion for found in (_stroke("muscle.activation.formula=0.5"), _stroke(amplitude=0.5)))
+    np.testing.assert_allclose(half.u[-1], plain.u[-1], rtol=0.0, atol=1e-9)
+    gone = _stroke("muscle.activation.formula=where(t > 0.1, 0, 1)").motion
+    late = gone.times > 0.1
+    assert np.abs(np.diff(gone.energy("muscle")[late])).sum() < 0.2 * np.abs(np.diff(gone.energy("muscle"))).sum()
 
 
 def test_a_machine_that_does_not_come_to_rest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -122,6 +122,7 @@ def test_an_incompressible_cantilever_swings_with_its_natural_frequency() -> Non
     assert (crossing[2] - crossing[0]) / period == pytest.approx(1.0, rel=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_schemes_keep_their_orders_with_pressures(scheme: Scheme) -> None:
     """Ends of a damped, driven motion under gravity settle with the declared power of the step.

@@ -252,19 +252,19 @@ def _closed(study: Study) -> None:
 #   arm and rings       1.11 mm        52 %     0.346 mm         42 %     0.106 mm (0.061 to 0.118)   32 %
 #   feet                1.20 mm         0 %     0.413 mm         -7 %     0.117 mm (0.088 to 0.150)   22 %
 #   all four            1.05 mm        82 %     0.336 mm         50 %     0.109 mm (0.060 to 0.115)   29 %
-#   stroke, 0.81 of T   1.02 mm       100 %     0.174 mm        170 %     0.041 mm (0.023 to 0.043)   89 %
+#   stroke              1.02 mm       100 %     0.174 mm        170 %     0.041 mm (0.023 to 0.043)   89 %
 #
-# * Afloat the four close four fifths of what parts the strokes; the fifth that is left is the solid's on this coarse
-#   mesh, which is some percent too stiff. Plate and arm matter most, and add up with the span to what they are together.
-# * On the ground both strokes are a third of those afloat: feet that stick take the rest. There the four close half.
-# * Feet are stiff: 3 to 13 N/mm against half a millinewton of friction, less than a thousandth of a millimetre. As
+# * Afloat the four close four fifths of what parts the strokes, to 3 %; parts about the load that they bear do better
+#   (the cross-check), and are no one model that could walk. Plate and arm matter most, the span takes back some.
+# * On the ground the solid makes a quarter of its stroke afloat and the rods a third: feet that stick take the rest.
+#   There the four close half.
+# * Feet are stiff: 3 to 8 N/mm against half a millinewton of friction, less than a thousandth of a millimetre. As
 #   springs they close nothing of the stroke; the step changes by what any change does to a gait with several answers.
-# * A stroke taken over afloat is too short on the ground: tensions a tenth lower break the feet loose later. It closes
-#   most of the step's difference, and by the wrong way.
-# * What is left of the stroke and of the step is not the beam, nor the muscle, nor the soles as springs; what the rods
-#   still lack are soles that break loose point by point.
+# * A stroke taken over afloat is too short on the ground: with less tension the feet break loose later. It closes most
+#   of the step's difference, and by the wrong way.
+# * What is left of stroke and step is not in the beam, nor in the muscle, nor in soles as springs.
 #
-# Not looked at: finer meshes, ensembles of the solid, other frequencies, soles of several points each on its own spring.
+# Not looked at: finer meshes, ensembles of the solid, other frequencies, soles whose points break loose one by one.
 
 # --- expect -----------------------------------------------------------------------------------------------------------
 

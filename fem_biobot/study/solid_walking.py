@@ -207,7 +207,12 @@ class _Job:
         key = f"solid_stance_{self.design.ground.immersion}"
         kept = self.folder.kept(key)
         if kept is not None:
-            return Standing.from_arrays(kept)
+            try:
+                return Standing.from_arrays(kept)
+            except KeyError as error:
+                raise FileError(
+                    f"{self.folder.path}: the saved standing shape lacks {error}; --force starts anew"
+                ) from None
         self.reporter.stage("the solid stands on the ground", 1)
         found = stand(self.design, body, solid_ground(self.design))
         self.folder.keep(key, found.arrays())

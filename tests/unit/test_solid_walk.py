@@ -175,6 +175,17 @@ def test_a_walk_goes_on_as_if_it_had_not_stopped(
     assert (out / name).read_text() == (result[0] / name).read_text()
 
 
+def test_a_saved_shape_that_lacks_something_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line with the folder, and what to do.
+
+    Catches: a traceback for what an earlier version left.
+    """
+    arrays = {name: value for name, value in _standing().arrays().items() if name != "p"}
+    monkeypatch.setattr(solid_walking.ResultFolder, "kept", lambda folder, key: arrays)
+    with pytest.raises(FileError, match="the saved standing shape lacks 'p'; --force starts anew"):
+        walk_solid(_design(), tmp_path / "out", PLAN)
+
+
 def test_a_result_that_is_there_is_not_made_again(result: tuple[Path, dict[str, Any]]) -> None:
     """The same job gives the summary that is there; the walk of the solid alone is another job.
 

@@ -31,7 +31,7 @@ from fem_biobot.files import replacing
 from fem_biobot.link.observed import Observed
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.solid_side import SolidSide
-from fem_biobot.link.strip import strip_from_mesh
+from fem_biobot.link.strip import Pull, strip_from_mesh
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.progress import show_tables
@@ -110,7 +110,7 @@ def run(level: str) -> Study:
 
 def held(design: Design, mesh: BodyMesh, tensions: Sequence[float]) -> list[Row]:
     """The muscle alone, bonded to plates that do not move: what Eq. 1 is about."""
-    strip = strip_from_mesh(design, mesh, [(T, 0.0) for T in tensions])
+    strip = strip_from_mesh(design, mesh, [Pull(T, 0.0, 0.0) for T in tensions])
     middle = len(strip.EA) // 2
     rows = []
     for T, passive in zip(tensions, strip.passive[:, middle], strict=True):

@@ -307,7 +307,7 @@ def write(study: Study, folder: Path) -> None:
         rate = study.rate(limit)
         x, y = (np.array([abs(row[key]) for row in study.of(limit)]) for key in ("at", "difference_1"))
         panel.loglog(x, 100.0 * y, "o-", markersize=4, label=f"found, power {study.slope(limit):.2f}")
-        panel.loglog(x, 100.0 * y[-1] * (x / x[-1]) ** rate, "k--", linewidth=0.8, label=f"power {rate:g}")
+        panel.loglog(x, 100.0 * y[-1] * (x / x[-1]) ** rate, "k--", linewidth=0.8, label=f"power {rate:.3g}")
         panel.set_xlabel(name)
         panel.set_title(limit, fontsize=9)
         panel.legend(frameon=False, fontsize=8)

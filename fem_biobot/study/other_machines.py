@@ -65,7 +65,7 @@ def _ring_bot(reporter: Reporter) -> list[Claim]:
             why=f"{printed}; {closing}: the solid's ring, bonded and going around, is between the two",
         ),
         Claim(
-            "force of the ring bot, rods whose ring is stuck to the pillars",
+            "force of the ring bot, its ring stuck",
             RING_BOT_FORCE,
             rods=force.get(Strands.bonded),
             why=f"{printed}; over half the length, so it resists twice as much per closing",
@@ -102,7 +102,7 @@ def _swimmer() -> list[Claim]:
         whole = fit.peak * fit.twitch.train(rate, np.linspace(0.0, 1.0 / rate, 501))
         claims.append(
             Claim(
-                f"largest shortening of the swimmer's ring at {rate:g} Hz",
+                f"swimmer's ring, largest at {rate:g} Hz",
                 Printed(steady, "um", _DRENNAN),
                 equations=float(whole.max()),
                 why="sum of equal twitches, fitted to single ones at 0.5 to 2 Hz alone",

@@ -19,6 +19,8 @@ from fem_biobot.vtk import write_pvd, write_vtp
 
 # beside the states' own files
 _FOLDER = "solid_contact"
+# share of the ring's thickness from which overlap is told
+_DEEP = 0.1
 
 
 def contact_numbers(design: Design, state: SolidState) -> dict[str, float]:
@@ -55,6 +57,21 @@ def contact_rows(states: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return rows
 
 
+def contact_notes(design: Design, states: Sequence[dict[str, Any]]) -> list[str]:
+    """What is to be said of sliding rings: what is not looked at, and overlap that asks for a finer mesh."""
+    overlaps = [value for state in states for key, value in state.items() if key.endswith("_overlap_mm")]
+    if design.muscle is None or not overlaps:
+        return []
+    notes = ["sliding rings: whether a state is stable is not looked at, nor tissue that has remodelled"]
+    deepest, ring = max(overlaps), design.muscle.ring_thickness
+    if deepest > _DEEP * ring:
+        notes.append(
+            f"sliding rings: at edges of the pillars single points overlap by up to {deepest:.2g} mm, "
+            f"{deepest / ring:.0%} of the ring's thickness; a finer mesh (mesh.size) resolves them better"
+        )
+    return notes
+
+
 def write_contact(folder: Path, files: Sequence[str], state: SolidState) -> None:
     """The footprint of the latest state as a surface beside it, and the series so far."""
     if state.touch is None:
@@ -81,11 +98,11 @@ def write_contact(folder: Path, files: Sequence[str], state: SolidState) -> None
     write_pvd(folder / f"{_FOLDER}.pvd", [(float(k), name) for k, name in enumerate(names)])
 
 
-def draw_contact(folder: Path, design: Design, shown: Sequence[Found]) -> tuple[list[tuple[Path, str]], str]:
-    """Pictures of the footprint in the states shown, with captions, and a note if a lesser renderer drew them."""
+def draw_contact(folder: Path, design: Design, shown: Sequence[Found]) -> list[tuple[Path, str]]:
+    """Pictures of the footprint in the states shown, with captions; by the renderer of the run's other pictures."""
     with_contact = [found for found in shown if found.state.touch is not None]
     if not with_contact:
-        return [], ""
+        return []
     machine = machine_of(design, with_contact[0].state)
     pressed = []
     for found in with_contact:
@@ -93,4 +110,4 @@ def draw_contact(folder: Path, design: Design, shown: Sequence[Found]) -> tuple[
         seen = footprint(found.state)
         pressed.append(Pressed(shape, seen.points, seen.triangles, seen.pressure))
     drawn = draw_pictures(footprint_pictures(machine, pressed), figures_folder(folder))
-    return [(file, file.stem.replace("_", " ")) for file in drawn.files], drawn.note
+    return [(file, file.stem.replace("_", " ")) for file in drawn.files]

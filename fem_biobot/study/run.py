@@ -27,7 +27,7 @@ from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.touching import in_contact, touching_parts
 from fem_biobot.study import compare, outputs, views, walk_files
 from fem_biobot.study.checked import checked, report_tables, write_run_tables
-from fem_biobot.study.contact_outputs import contact_numbers, draw_contact, write_contact
+from fem_biobot.study.contact_outputs import contact_notes, contact_numbers, draw_contact, write_contact
 from fem_biobot.study.finding import Finding, write_series
 from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
@@ -162,6 +162,8 @@ class _Job:
         except (BiobotError, KeyboardInterrupt) as failure:
             self._leave_readable(mesh, solver, failure)
             raise
+        for note in contact_notes(self.design, self.states):
+            self._note(note)
         coarse = self._timed("second_mesh", lambda: self._coarse_states(mesh)) if self.complete else None
         if self.plan is not None:
             self._timed("walk", self._walk)
@@ -360,10 +362,7 @@ class _Job:
         if note:
             self._note(note)
         self.figures = [(file, file.stem.replace("_", " ")) for file in files]
-        more, note = draw_contact(self.folder.path, self.design, shown)
-        if note:
-            self._note(note)
-        self.figures += more
+        self.figures += draw_contact(self.folder.path, self.design, shown)
         self.reporter.advance("pictures")
         self.figures += outputs.plot(self.folder.path, self.design, summary["solid"]["states"])
         self.reporter.advance("plots")

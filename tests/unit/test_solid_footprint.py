@@ -14,7 +14,7 @@ from fem_biobot import SolidState, load_design
 from fem_biobot.errors import FileError, ModelError
 from fem_biobot.solid.interface.results import footprint, part_forces
 from fem_biobot.solid.interface.state import LIFTED
-from fem_biobot.study.contact_outputs import contact_numbers, contact_rows, write_contact
+from fem_biobot.study.contact_outputs import contact_notes, contact_numbers, contact_rows, write_contact
 from fem_biobot.verification.sliding import PULL, THICKNESS, WIDTH, pulled
 from fem_biobot.view.footprint import Pressed, footprint_pictures
 from fem_biobot.view.machine import Machine, Shape
@@ -87,6 +87,20 @@ def test_numbers_and_files_of_a_run(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(FileError, match="file"):
         write_contact(tmp_path / "file", ["solid_00_rest.vtu"], state)
+
+
+def test_notes_say_what_is_not_looked_at_and_when_edges_overlap() -> None:
+    """Nothing of bonded tissue; overlap above a tenth of the ring's thickness (0.5 mm) is told with its size.
+
+    Catches: a note on every run; the smallest overlap in place of the deepest.
+    """
+    bot = load_design("junction_bot")
+    shallow = {"contact_short_overlap_mm": 0.04, "contact_long_overlap_mm": 0.01}
+    assert contact_notes(bot, [{"label": "bonded"}]) == []
+    assert len(contact_notes(bot, [shallow])) == 1
+    _, told = contact_notes(bot, [shallow, {**shallow, "contact_short_overlap_mm": 0.2}, shallow])
+    assert "0.2 mm" in told
+    assert "40%" in told
 
 
 def test_the_picture_colours_what_presses() -> None:

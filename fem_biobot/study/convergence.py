@@ -54,7 +54,7 @@ class ConvergencePlan:
     Attributes
     ----------
     sizes
-        Of the meshes, falling [mm]; None: the design's own and twice 1.4 times as coarse.
+        Of the meshes, falling [mm]; None: the design's own and twice 1.6 times as coarse.
     elements
         Out of P1, P2 and P2-P1.
     wanted
@@ -92,7 +92,7 @@ class ConvergencePlan:
     def falling(self, design: Design) -> tuple[float, ...]:
         """Sizes from the coarsest."""
         own = design.mesh.size
-        return tuple(sorted(self.sizes or (own, 1.4 * own, 1.96 * own), reverse=True))
+        return tuple(sorted(self.sizes or (own, 1.6 * own, 2.56 * own), reverse=True))
 
     def rounded(self, design: Design) -> Design | None:
         """The design with the fillets in which the peak is looked for; None for none."""
@@ -239,6 +239,8 @@ def _told(found: Limit) -> str:
         return "not converging, its changes do not shrink: no number of any mesh can be quoted"
     order = "" if found.order != found.order else f", order {found.order:.2g}"
     text = f"{found.value:.5g}, the finest mesh within {100.0 * found.error:.2g} %{order}"
+    if found.verdict is Verdict.undecided and found.order == found.order:
+        return f"undecided, its changes are small and do not shrink: {text}; ask for finer meshes"
     if found.verdict is Verdict.undecided:
         return f"undecided, the meshes are too much alike: {text}; ask for sizes further apart"
     if found.verdict is Verdict.converging:

@@ -21,6 +21,8 @@ _TINY, _LEAST_ORDER, _MOST_ORDER = 1e-6, 0.25, 6.0
 # safety on the error: where differences follow an order between these, and where they do not
 _SAFE, _UNSURE = 1.25, 3.0
 _ORDERS = (0.5, 4.5)
+# over what was asked for: changes that do not shrink, but are no larger, are scatter as well as anything else
+_SMALL = 2.0
 # of the first to the last of three sizes, below which the scatter of unstructured meshes hides an order
 _LEAST_RATIO = 1.5
 
@@ -35,7 +37,7 @@ class Verdict(StrEnum):
     not_converging
         Its changes do not shrink, as those of the stress at a sharp corner.
     undecided
-        The meshes are too much alike to tell.
+        The meshes do not tell: they are too much alike, or its changes are small and do not shrink.
     """
 
     converged = "converged"
@@ -95,7 +97,8 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
     -----
     The bar is ``1.25 |v3 - v2| / ((h2 / h3)^p - 1)`` for an order between 0.5 and 4.5. Where changes alternate or the
     order lies outside, p = 1 and three times that difference are taken. Changes that do not shrink with finer meshes,
-    at equal ratios of size, do not converge, however small. Of three sizes within a factor of 1.5 no order is read.
+    at equal ratios of size, do not converge; where they are within twice the error asked for, meshes that scatter tell
+    nothing, and three times all of them are the bar. Of three sizes within a factor of 1.5 no order is read.
     """
     h, v = np.asarray(sizes, dtype=float), np.asarray(values, dtype=float)
     if h.shape != v.shape or h.ndim != 1 or len(h) < 3:
@@ -111,6 +114,11 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
     apart = h[-3] / h[-1] >= _LEAST_RATIO
     order = _order(h[-3:], v[-3:]) if apart else None
     if order is not None and order < _LEAST_ORDER:
+        spread = float(np.ptp(v[-3:])) / scale
+        if spread <= _SMALL * wanted:
+            error = _UNSURE * spread
+            verdict = Verdict.converged if error <= wanted else Verdict.undecided
+            return Limit(float(v[-1]), error, order, verdict, math.nan)
         return Limit(float(v[-1]), math.inf, order, Verdict.not_converging, math.nan)
     regular = order is not None and _ORDERS[0] <= order <= _ORDERS[1]
     p = order if regular and order is not None else 1.0

@@ -161,8 +161,10 @@ FOUND = """
   bears in all, 26 to 36 mN, is ten times and more what bends the machine: most of it is the ring's own grip.
 * Along the pillar rings need little hold, some hundredths of a millinewton in balance, yet without any no equilibrium
   is found from the first tenths of a kilopascal on: pillars that lean toward each other let a loose muscle slip down.
-* Forces on both pillars balance to 1e-8, so the muscle's force is that of the contact.
-* Edges are where the mesh shows: single points of ring and pillar overlap there by up to 0.28 mm at 2 mm.
+* Forces on both pillars balance to 3e-8, so the muscle's force is that of the contact.
+* On a finer mesh (1.3 mm, 38 205 unknowns after 20 364) the passive force at a friction of 0.3 changes by 0.4 %, its
+  closing by 1.8 %, the stroke's force by 5 %, as much as friction makes of it. Edges are where the mesh shows: rings
+  slide by 0.21 mm in place of 0.34 mm, and single points overlap by 0.24 mm on both.
 """
 
 # --- what was not looked at -------------------------------------------------------------------------------------------

@@ -52,12 +52,14 @@ def published_walker() -> Finding:
         np.ptp(course["foot_distance_mm"]),
     ]
     times = course["time_s"]
+    bound = STATIC * course["normal_long_mN"]
     curves = (
-        Curve("distance of the feet less 6 mm [mm]", times, course["foot_distance_mm"] - 6.0),
-        Curve("friction, long pillar [mN]", times, course["friction_long_mN"]),
-        Curve("push of the rings on the long pillar [mN]", times, course["ring_push_long_mN"]),
+        Curve("0.42 of the normal force, long pillar", times, bound, known=True),
+        Curve("and against it", times, -bound, known=True),
+        Curve("friction, long pillar", times, course["friction_long_mN"]),
+        Curve("push of the rings on the long pillar", times, course["ring_push_long_mN"]),
     )
-    return Finding.of(values, Graph("time [s]", "as named", curves))
+    return Finding.of(values, Graph("time [s]", "force [mN]", curves))
 
 
 _CODE = "Zhang et al. 2019, open code, case walker"

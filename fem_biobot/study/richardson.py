@@ -97,8 +97,9 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
     -----
     The bar is ``1.25 |v3 - v2| / ((h2 / h3)^p - 1)`` for an order between 0.5 and 4.5. Where changes alternate or the
     order lies outside, p = 1 and three times that difference are taken. Changes that do not shrink with finer meshes,
-    at equal ratios of size, do not converge; where they are within twice the error asked for, meshes that scatter tell
-    nothing, and three times all of them are the bar. Of three sizes within a factor of 1.5 no order is read.
+    at equal ratios of size, do not converge; where all of them are within twice the error asked for, they may as well
+    be the scatter of meshes: undecided, three times all of them being the bar. Of three sizes within a factor of 1.5
+    no order is read.
     """
     h, v = np.asarray(sizes, dtype=float), np.asarray(values, dtype=float)
     if h.shape != v.shape or h.ndim != 1 or len(h) < 3:
@@ -116,9 +117,7 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
     if order is not None and order < _LEAST_ORDER:
         spread = float(np.ptp(v[-3:])) / scale
         if spread <= _SMALL * wanted:
-            error = _UNSURE * spread
-            verdict = Verdict.converged if error <= wanted else Verdict.undecided
-            return Limit(float(v[-1]), error, order, verdict, math.nan)
+            return Limit(float(v[-1]), _UNSURE * spread, order, Verdict.undecided, math.nan)
         return Limit(float(v[-1]), math.inf, order, Verdict.not_converging, math.nan)
     regular = order is not None and _ORDERS[0] <= order <= _ORDERS[1]
     p = order if regular and order is not None else 1.0

@@ -204,8 +204,9 @@ def fading(share: float = 0.02) -> tuple[float, float]:
 
 
 def solid_in_a_medium() -> Finding:
-    """S15: a block that sinks, and one that swings on springs, with linear and quadratic drag on its whole surface.
+    """S15: drag of a medium on a solid's surface.
 
+    Problem: a block that sinks, and one that swings on springs, with linear and quadratic drag on its whole surface.
     Measured: the speed after forty relaxation times by steps of two, and the work of drag in the last step over that of
         the weight; the fall of the amplitude over five swings; what the book of energies leaves unexplained.
     Tolerance: the steps' (1e-11) for what is steady; the next order of the envelope and a hundred steps in a swing.

@@ -83,7 +83,8 @@ def name_axes(axes: Axes, x: str, y: str) -> None:
 def legend(axes: Axes) -> None:
     """Names of what is drawn, where there are any; `save` moves them beside the axes if they lie over a curve."""
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False, fontsize=8.5, labelcolor=INK)
+        # the place asked for by name: left out, Matplotlib warns of the time that the same search takes
+        axes.legend(loc="best", frameon=False, fontsize=8.5, labelcolor=INK)
 
 
 def save(figure: Figure, path: str | os.PathLike[str], title: str) -> None:

@@ -381,10 +381,10 @@ def expect(study: Study, level: str) -> None:
 
 FOUND = """
 Elements bend within and their masses integrate cubics (`fem_biobot.rod.discretisation`); steps in which contact changes
-are divided into four. No step was accepted unconverged. Advances in mm a stroke. What is
-said of equal coefficients and of explicit steps is of level full (eight minutes on two cores, every expectation holds),
-the rest of level groups and of single walks of the same models from starts of its ensembles. At level full, too, 16 to
-32 elements change every gait with 0.42 / 0.3 by 0.0001 to 0.003 %, but for a walk at 0.5 Hz with failing strokes, 0.2 %.
+are divided into four. No step was accepted unconverged. Advances in mm a stroke. What is said of equal coefficients and
+of explicit steps is of level full (eight minutes on two cores, every expectation holds), the rest of level groups and
+of single walks of the same models from starts of its ensembles. At level full, too, 16 to 32 elements change every gait
+with 0.42 / 0.3 by 0.0001 to 0.003 %, but for a walk at 0.5 Hz with strokes that fail, 0.2 %.
 
 Mesh. Within every gait found, 16 to 32 elements change the advance by 0.3 % or less: 0.5 % was asked for. Where walks
 change between gaits (1 Hz, 0.1 ms) that is the group of strokes that comes most often.
@@ -405,9 +405,10 @@ change between gaits (1 Hz, 0.1 ms) that is the group of strokes that comes most
 
 Step. Equal coefficients, at 1, 2 and 4 Hz: 0.5 to 0.25 ms 0.21, 0.18, 0.39 % (below 1 %: reached), 1 ms 0.35, 1.6,
 3.0 % off 0.25 ms, explicit 0.72, 0.10, 0.09 % from it (below 2 %: reached), adaptive (2 and 4 Hz) 0.07 and 0.10 % from
-explicit. At 0.5 Hz the machine all but stays where it is: of its 0.0007 mm, 4.9 % (0.5 to 0.25 ms) and 2.8 % (explicit)
-are 0.009 and 0.005 % of its stroke. With 0.42 / 0.3 walks continued by explicit steps are 1.3 and 0.3 % (2 Hz) and 1.0 %
-(4 Hz) from those of 0.25 ms, at 0.5 Hz 0.4 % in one and 14 % in the other, in which a stroke fails; and of implicit steps:
+explicit. At 0.5 Hz the machine all but stays where it is: of its 0.0007 mm, 4.9 % (0.5 to 0.25 ms) and 2.8 %
+(explicit) are 0.009 and 0.005 % of its stroke. With 0.42 / 0.3 walks continued by explicit steps are 1.3 and 0.3 % (2
+Hz) and 1.0 % (4 Hz) from those of 0.25 ms, at 0.5 Hz 0.4 % in one and 14 % in the other, in which a stroke fails; and
+of implicit steps:
 
   0.5 Hz   0.5 to 0.25 ms 0.36 %, to 0.1 ms 0.2 %; 1 ms 1.4 %
   2 Hz     0.5 to 0.25 ms 0.47 %, to 0.1 ms 0.6 %; 1 ms 4.5 %; a group of three strokes

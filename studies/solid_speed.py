@@ -690,11 +690,12 @@ this program in a process of its own, in several sittings, not all of level full
   times; steps of 1 kPa take 46 iterations there where those of 2 kPa take 29. The ends agree to 9e-9 mm.
 * DOLFINx 0.5.2 (Debian's package, MUMPS' symmetric factorisation, OpenBLAS), the same path at 61 617 unknowns: 29
   iterations and 32.9 s, 5.0 times as long as ours, 2.8 times an iteration. The ends agree to 2e-10 mm.
-* A second thread brought nothing: the least elapsed seconds at 61 617 unknowns are 0.28 (one thread) and 0.55 (two)
-  for the factorisation, 0.018 and 0.020 for the tangent, 8.6 and 9.2 for the path to 8 kPa. Both processors were busy
-  with other work: the threads of a factorisation wait for each other at every front, and the slower one sets the
-  pace. Seen on an idle machine of this kind (`kernel_benchmark.py`), the second thread brings little to assembly
-  either. So this is not an answer for a machine of one's own, and nothing here shows that two threads help.
+* A second thread, on an idle machine, elapsed: at 61 617 unknowns the factorisation takes 0.254 s with one and 0.147 s
+  with two (1.72 times as fast), a solution 15.1 and 8.3 ms (1.82), the tangent 16.2 and 8.8 ms (1.84), the residual 2.4
+  and 1.4 ms (1.69), the product of matrix and vector 2.2 and 2.3 ms, the path to 8 kPa 5.4 and 4.5 s (1.20: less than
+  its parts say, and why was not looked at). At 146 757 unknowns 1.11 and 0.66 s (1.67), 43.8 and 23.9 ms
+  (1.83), 39.9 and 21.0 ms (1.90). Beside other work the threads of a factorisation wait for each other at every front,
+  and a second one was seen to bring nothing.
 * Kernels at 61 617 unknowns: a triad moved 40 GB/s and a matrix product did 53 Gflop/s. The tangent, 23 500
   operations and 4 900 bytes an element, reaches 0.31 of the limit (arithmetic): what it adds to the matrix goes to
   165 rows' parts an element that lie apart, and its sums over four points are short. The law reaches 0.26 and the
@@ -706,8 +707,8 @@ this program in a process of its own, in several sittings, not all of level full
 # --- what was not looked at -------------------------------------------------------------------------------------------
 
 NOT_LOOKED_AT = """
-FElupe at 146 757 unknowns, two threads on an idle machine, more than two threads, other laws, the mixed element, FElupe
-with a step control of its own, other preconditioners.
+FElupe at 146 757 unknowns, more than two threads, other laws, the mixed element, FElupe with a step control of its own,
+other preconditioners.
 """
 
 

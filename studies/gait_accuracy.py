@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import time
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -34,7 +35,6 @@ from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.groups import group_gaits
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.rod.walk import walk
-from fem_biobot.solid.sharing import usable_threads
 from fem_biobot.study.outputs import write_table
 from fem_biobot.tables import Table
 
@@ -83,6 +83,7 @@ class Level:
     explicit_strokes: int
 
 
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 BASE, COARSE, HALF = "16 elements, 0.25 ms", "16 elements, 1 ms", "16 elements, 0.5 ms"
 ADAPTED, FINE_MESH = "16 elements, adaptive", "32 elements, 0.25 ms"
 SHORT, SHORT_FINE = "16 elements, 0.1 ms", "32 elements, 0.1 ms"
@@ -106,11 +107,11 @@ LEVELS = {
         ),
         (0.5, 1.0, 2.0, 4.0),
         {
-            PUBLISHED: {0.5: Plan(2, 10, 5), 2.0: Plan(4, 18, 6), 4.0: Plan(8, 14, 7)},
-            SMOOTH: {f: Plan(2, 6, 3) for f in (0.5, 1.0, 2.0, 4.0)},
+            PUBLISHED: {0.5: Plan(3, 12, 6), 1.0: Plan(4, 18, 6), 2.0: Plan(8, 18, 6), 4.0: Plan(16, 18, 6)},
+            SMOOTH: {f: Plan(2, 8, 4) for f in (0.5, 1.0, 2.0, 4.0)},
         },
         1.0 / 320_000,
-        3,
+        4,
     ),
     "groups": Level(
         (Variant(SHORT, 16, 1e-4), Variant(SHORT_FINE, 32, 1e-4)),
@@ -174,6 +175,7 @@ def ensemble(variant: Variant, friction: str, frequency: float, plan: Plan) -> E
         starts=plan.starts,
         duration=plan.strokes / frequency,
         discard=plan.discard,
+        threads=CORES,
         step=variant.step,
         settings=Settings(largest_error=variant.error),
     )
@@ -293,7 +295,7 @@ def witness_rows(level: Level, base: Ensemble, gait: Gait, friction: str) -> lis
 
 
 def run(level: str) -> Study:
-    """All ensembles of a level, two at a time where there are two processors, then the explicit steps."""
+    """All ensembles of a level, as many walks at a time as there are processors, then the explicit steps."""
     size = LEVELS[level]
     study = Study(base=size.variants[0].name)
     cases = [
@@ -308,7 +310,7 @@ def run(level: str) -> Study:
         return plan.starts * plan.strokes / frequency / (variant.step if variant.error is None else 1.5e-4)
 
     longest_first = sorted(cases, key=cost, reverse=True)
-    with ThreadPoolExecutor(min(2, usable_threads())) as pool:
+    with ThreadPoolExecutor(CORES) as pool:
         done = dict(zip(longest_first, pool.map(_with(ensemble), longest_first), strict=True)) if cases else {}
         jobs = []
         for friction, plans in size.plans.items():
@@ -341,7 +343,7 @@ def _with(action: Any) -> Any:
 # hardly advances, and the change of the advance is taken of the stroke.
 LIMITS = {FINE_MESH: (0.5, 0.5), HALF: (1.0, 0.5), ADAPTED: (1.0, 0.5)}
 WITNESS_LIMIT = {"smoke": 5.0, "full": 2.0, "groups": 2.0}
-SETTLED_LIMIT = 2.0  # of the advance of groups of strokes that settled, per cent, by the mesh: some ten groups each
+SETTLED_LIMIT = 0.5  # of the advance of groups of strokes that settled, per cent, by the mesh
 # asked for are 1e-9 of the largest impulse, beyond which rounding is allowed: of momenta, where short steps leave
 # impulses small
 RESIDUAL = 1e-8

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -143,6 +144,7 @@ def walk_ensemble(
     beam_elements: int = 16,
     plate_factor: str = "none",
     listener: Callable[[int, Walk], None] | None = None,
+    threads: int = 1,
     **keywords: Any,
 ) -> Ensemble:
     """Walks of a machine from perturbed starts.
@@ -156,19 +158,22 @@ def walk_ensemble(
     nudge
         How far starts differ.
     listener
-        Given the number and each walk when it is done.
+        Given the number and each walk, in the order of the numbers.
+    threads
+        Walks made side by side: the compiled steps hold no lock, and each walk is the same whatever runs beside it.
     keywords
         Of `walk`.
 
     Raises
     ------
     ModelError
-        Fewer than one start; what `walk` refuses.
+        Fewer than one start or thread; what `walk` refuses.
     SolveError
         As `walk`.
     """
-    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
-        raise ModelError(f"walk_ensemble: starts: found {starts!r}, expected a whole number of at least 1")
+    for name, count in (("starts", starts), ("threads", threads)):
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise ModelError(f"walk_ensemble: {name}: found {count!r}, expected a whole number of at least 1")
     model = machine
     if isinstance(machine, Design):
         model = reduce(machine, beam_elements=beam_elements, plate_factor=plate_factor)
@@ -184,12 +189,17 @@ def walk_ensemble(
     keywords |= {} if frequency is None else {"frequency": frequency}
     ground = ground or Ground()
     standing = stance(model, ground)
-    walks = []
-    for number in range(starts):
+
+    def one(number: int) -> Walk:
         start = nudged(standing, nudge or Nudge(), np.random.default_rng([seed, number]))
-        walks.append(walk(model, ground=ground, start=start, rest=standing, **keywords))
-        if listener is not None:
-            listener(number, walks[-1])
+        return walk(model, ground=ground, start=start, rest=standing, **keywords)
+
+    walks = []
+    with ThreadPoolExecutor(threads) as pool:
+        for number, found in enumerate(pool.map(one, range(starts)) if threads > 1 else map(one, range(starts))):
+            walks.append(found)
+            if listener is not None:
+                listener(number, found)
     return Ensemble(tuple(walks), gaits(np.array([each.step_mm for each in walks])), seed)
 
 

@@ -8,19 +8,10 @@ from pathlib import Path
 import pytest
 
 from fem_biobot.errors import DesignError
-from fem_biobot.mesh.geometry import GmshMissing, import_gmsh
 from fem_biobot.mesh_jobs import landmark_places
 from tests.command import ROOT, call, listing
 
 DRAWINGS = ROOT / "tests" / "drawings"
-
-
-@pytest.fixture
-def gmsh() -> None:
-    try:
-        import_gmsh()
-    except GmshMissing as missing:
-        pytest.skip(str(missing))
 
 
 def test_a_skeleton_goes_out_and_comes_in_and_is_solved_on(

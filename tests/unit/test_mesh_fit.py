@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +11,11 @@ from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.errors import MeshError
 from fem_biobot.mesh.foreign import export_part, fitted, import_mesh
-from fem_biobot.mesh.geometry import GmshMissing, import_gmsh
 from fem_biobot.mesh.layout import layout
 from fem_biobot.mesh.solids import drawn_muscle, drawn_skeleton
 from fem_biobot.mesh.tagged import read_mesh
 from tests.command import ROOT, call
+from tests.drawing import drawn
 
 SKELETON = {
     "skeleton.beam_length": 18.0,
@@ -38,13 +36,7 @@ MUSCLE = {
 }
 
 
-@pytest.fixture(scope="module", autouse=True)
-def gmsh() -> Any:
-    """The gmsh module, or a skip with the reason."""
-    try:
-        return import_gmsh()
-    except GmshMissing as missing:
-        pytest.skip(str(missing))
+pytestmark = pytest.mark.usefixtures("gmsh")
 
 
 @pytest.fixture(scope="module")
@@ -54,23 +46,6 @@ def bot() -> Design:
 
 def values(design: Design, names: dict[str, float]) -> dict[str, float]:
     return {name: design.value(name) for name in names}
-
-
-def drawn(gmsh: Any, file: Path, build: Callable[[Any], object], names: tuple[str, ...] = ()) -> Path:
-    """A STEP file of what `build` makes, its solids of these names in their order."""
-    gmsh.initialize(["drawing", "-v", "0"], readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        build(gmsh.model.occ)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(file))
-    finally:
-        gmsh.finalize()
-    text = file.read_text(encoding="latin-1")
-    for number, name in enumerate(names, start=1):
-        text = re.sub(rf"PRODUCT\('[^']* \d+\.{number}',\s*'[^']*'", f"PRODUCT('{name}','{name}'", text)
-    file.write_text(text, encoding="latin-1")
-    return file
 
 
 @pytest.mark.parametrize(("suffix", "unit"), [(".step", None), (".stl", "mm")])

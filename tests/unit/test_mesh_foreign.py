@@ -15,41 +15,22 @@ from fem_biobot.design import Design
 from fem_biobot.errors import FileError, MeshError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.foreign import export_part, import_mesh
-from fem_biobot.mesh.geometry import GmshMissing, import_gmsh
 from fem_biobot.mesh.layout import layout
 from fem_biobot.mesh.solids import shift_to
 from fem_biobot.mesh.tagged import read_mesh, write_mesh
 from tests.command import ROOT
+from tests.drawing import drawn
 
 DRAWINGS = ROOT / "tests" / "drawings"
 BOXES = ((-7.0, -3.5, 3.06, 14.0, 7.0, 0.68), (-7.0, -3.5, 0.6, 3.5, 7.0, 2.46), (3.5, -3.5, 0.0, 3.5, 7.0, 3.06))
 
 
-@pytest.fixture(scope="module", autouse=True)
-def gmsh() -> Any:
-    """The gmsh module, or a skip with the reason."""
-    try:
-        return import_gmsh()
-    except GmshMissing as missing:
-        pytest.skip(str(missing))
+pytestmark = pytest.mark.usefixtures("gmsh")
 
 
 @pytest.fixture(scope="module")
 def bot() -> Design:
     return load_design("junction_bot")
-
-
-def drawn(gmsh: Any, file: Path, build: Callable[[Any], object]) -> Path:
-    """A file of what `build` makes in OpenCASCADE's model."""
-    gmsh.initialize(["drawing", "-v", "0"], readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        build(gmsh.model.occ)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(file))
-    finally:
-        gmsh.finalize()
-    return file
 
 
 def skeleton(occ: Any) -> list[tuple[int, int]]:

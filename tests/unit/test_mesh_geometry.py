@@ -23,15 +23,6 @@ from fem_biobot.mesh.layout import layout
 PRESETS = {"junction_bot": 1.5, "ring_bot": 0.9, "strip": 0.5, "cantilever": 1.2}
 
 
-@pytest.fixture
-def gmsh():
-    """The gmsh module, or a skip with the reason."""
-    try:
-        return import_gmsh()
-    except GmshMissing as missing:
-        pytest.skip(str(missing))
-
-
 @pytest.fixture(scope="module", params=PRESETS)
 def preset(request: pytest.FixtureRequest) -> tuple[Design, BodyMesh]:
     design = load_design(request.param)

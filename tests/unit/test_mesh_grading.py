@@ -10,21 +10,14 @@ import pytest
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.mesh.geometry import GmshMissing, build_mesh, import_gmsh
+from fem_biobot.mesh.geometry import build_mesh
 from fem_biobot.mesh.layout import layout
 from fem_biobot.mesh.store import stored_file
 from fem_biobot.solid.from_design import tension_step
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, solve
 
-
-@pytest.fixture(scope="module", autouse=True)
-def gmsh() -> None:
-    """A skip with the reason where there is no Gmsh."""
-    try:
-        import_gmsh()
-    except GmshMissing as missing:
-        pytest.skip(str(missing))
+pytestmark = pytest.mark.usefixtures("gmsh")
 
 
 def both(preset: str) -> tuple[Design, Design]:

@@ -74,3 +74,23 @@ def test_an_ensemble_tells_means_and_gaits() -> None:
     assert all(each.start is made.walks[0].start is not None for each in made.walks)
     with pytest.raises(ModelError, match="starts: found 0"):
         walk_ensemble(wet(), 4.0, starts=0)
+
+
+def test_walks_side_by_side_are_those_one_after_the_other() -> None:
+    """Three threads give the walks of one, in their order, to the last bit, and tell the listener in that order.
+
+    Catches: walks that share what they write to, starts drawn in the order in which threads come by.
+    """
+    heard: list[int] = []
+    alone, beside = (
+        walk_ensemble(
+            wet(), 4.0, starts=3, duration=0.5, beam_elements=4, threads=threads, listener=lambda k, w: heard.append(k)
+        )
+        for threads in (1, 3)
+    )
+    assert heard == [0, 1, 2, 0, 1, 2]
+    for one, other in zip(alone.walks, beside.walks, strict=True):
+        np.testing.assert_array_equal(one.motion.v, other.motion.v)
+        np.testing.assert_array_equal(one.foot_path, other.foot_path)
+    with pytest.raises(ModelError, match="threads: found 0"):
+        walk_ensemble(wet(), 4.0, starts=2, threads=0)

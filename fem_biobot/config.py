@@ -71,9 +71,9 @@ def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Desi
         _make_room_for_tissue(table)
     for override in overrides:
         _apply(table, override)
+    for key, (_, text) in _named_files(table).items():
+        _must_be_readable(key, Path(text))
     design = Design.model_validate(_with_orientation(_values(table, "")))
-    for named in named_files(design).values():
-        content_of(named)
     return design
 
 
@@ -279,16 +279,32 @@ def _make_room_for_tissue(table: Table) -> None:
 
 def _place_files(table: Table, folder: Path) -> None:
     """Names of files in a table made absolute, in place; they are beside the file that names them."""
+    for key, (inside, text) in _named_files(table).items():
+        inside[key.rpartition(".")[2]] = str((folder / text).absolute())
+
+
+def _named_files(table: Table) -> dict[str, tuple[Table, str]]:
+    """Files that a table names, by key: the section that names them, and what it says."""
+    found: dict[str, tuple[Table, str]] = {}
     for key, words in FILE_KEYS.items():
         *sections, name = key.split(".")
         inside: object = table
         for section in sections:
             inside = inside.get(section) if isinstance(inside, dict) else None
-        if not isinstance(inside, dict):
-            continue
-        text = inside.get(name)
-        if isinstance(text, str) and text and text not in words:
-            inside[name] = str((folder / text).absolute())
+        text = inside.get(name) if isinstance(inside, dict) else None
+        if isinstance(inside, dict) and isinstance(text, str) and text and text not in words:
+            found[key] = (inside, text)
+    return found
+
+
+def _must_be_readable(key: str, path: Path) -> None:
+    """A file that a key names is there; the line says which words the key takes instead."""
+    try:
+        content_of(path)
+    except FileError as error:
+        words = [word for word in FILE_KEYS[key] if word]
+        choice = f" or one of: {', '.join(words)}" if words else ""
+        raise FileError(f"{key}: {error}{choice}") from None
 
 
 def _without_angles(below: object, above: object) -> object:

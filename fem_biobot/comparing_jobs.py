@@ -46,7 +46,8 @@ def crosscheck(order: Order, pixel: str | None = None, noise: float | None = Non
 
 def measured(order: Order, file: Path, names: Sequence[str]) -> int:
     """Tension and modulus from a person's measured deflections."""
-    from fem_biobot.config import content_of, load_design
+    from fem_biobot.config import load_design
+    from fem_biobot.design_files import content_of
     from fem_biobot.link.expected import expect
     from fem_biobot.link.measured import read_measured
 

@@ -18,6 +18,7 @@ from pydantic import BaseModel
 
 from fem_biobot.design import Design, Key, first_key, keys, section_type, sections, unknown_key
 from fem_biobot.design_checks import unused_keys
+from fem_biobot.design_files import content_of, must_be_readable, named_files, named_in, place_files
 from fem_biobot.design_kinds import FILE_KEYS, OptionalText
 from fem_biobot.design_tissue import without_following
 from fem_biobot.errors import DesignError, FileError
@@ -71,8 +72,8 @@ def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Desi
         _make_room_for_tissue(table)
     for override in overrides:
         _apply(table, override)
-    for key, (_, text) in _named_files(table).items():
-        _must_be_readable(key, Path(text))
+    for key, (_, text) in named_in(table).items():
+        must_be_readable(key, Path(text))
     design = Design.model_validate(_with_orientation(_values(table, "")))
     return design
 
@@ -175,26 +176,6 @@ def _digest(design: Design, names: Sequence[str]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def named_files(design: Design) -> dict[str, Path]:
-    """Files that a design names, by key."""
-    found = {name: design.value(name) for name in FILE_KEYS}
-    return {name: Path(text) for name, text in found.items() if text is not None and text not in FILE_KEYS[name]}
-
-
-def content_of(path: Path) -> str:
-    """What stands for a file in a digest.
-
-    Raises
-    ------
-    FileError
-        It cannot be read.
-    """
-    try:
-        return "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise FileError(f"{one_line(str(path))}: cannot be read ({error.strerror}), expected a file") from None
-
-
 def _design_path(name_or_path: str | Path, folder: Path) -> Path:
     text = str(name_or_path)
     if text in _preset_names():
@@ -257,7 +238,7 @@ def _resolved_table(path: Path, seen: tuple[Path, ...]) -> Table:
     if here in seen:
         raise DesignError(f"base: found {path.name}, which leads back to itself, expected a preset or another file")
     table = read_table(path)
-    _place_files(table, path.parent)
+    place_files(table, path.parent)
     base = table.pop("base", None)
     if base is None:
         return table
@@ -275,36 +256,6 @@ def _make_room_for_tissue(table: Table) -> None:
     """Drop what a base says of the section and the tension, which follow from the tissue then."""
     if isinstance(table.get("muscle"), dict):
         table["muscle"] = without_following(table["muscle"])
-
-
-def _place_files(table: Table, folder: Path) -> None:
-    """Names of files in a table made absolute, in place; they are beside the file that names them."""
-    for key, (inside, text) in _named_files(table).items():
-        inside[key.rpartition(".")[2]] = str((folder / text).absolute())
-
-
-def _named_files(table: Table) -> dict[str, tuple[Table, str]]:
-    """Files that a table names, by key: the section that names them, and what it says."""
-    found: dict[str, tuple[Table, str]] = {}
-    for key, words in FILE_KEYS.items():
-        *sections, name = key.split(".")
-        inside: object = table
-        for section in sections:
-            inside = inside.get(section) if isinstance(inside, dict) else None
-        text = inside.get(name) if isinstance(inside, dict) else None
-        if isinstance(inside, dict) and isinstance(text, str) and text and text not in words:
-            found[key] = (inside, text)
-    return found
-
-
-def _must_be_readable(key: str, path: Path) -> None:
-    """A file that a key names is there; the line says which words the key takes instead."""
-    try:
-        content_of(path)
-    except FileError as error:
-        words = [word for word in FILE_KEYS[key] if word]
-        choice = f" or one of: {', '.join(words)}" if words else ""
-        raise FileError(f"{key}: {error}{choice}") from None
 
 
 def _without_angles(below: object, above: object) -> object:

@@ -79,7 +79,7 @@ def _on_its_mesh(order: Order, subject: str, work: Callable[[Design, BodyMesh, P
 
 def orientation(order: Order, file: Path) -> int:
     """Orientation of fibres in a file, seen from a design's axis."""
-    from fem_biobot.config import content_of
+    from fem_biobot.design_files import content_of
     from fem_biobot.study.muscle_orientation import orientation_finding
 
     def work(design: Design, figures: Path) -> Finding:

@@ -16,8 +16,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from fem_biobot.config import content_of, named_files, to_toml
+from fem_biobot.config import to_toml
 from fem_biobot.design import Design
+from fem_biobot.design_files import content_of, named_files
 from fem_biobot.errors import FileError
 from fem_biobot.files import file_error, replacing, write_bytes, write_json, write_text
 from fem_biobot.solid.interface.state import Touch

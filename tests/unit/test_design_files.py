@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fem_biobot.config import digest, load_design, named_files, to_toml
+from fem_biobot.config import digest, load_design, to_toml
 from fem_biobot.design import Design
+from fem_biobot.design_files import named_files
 from fem_biobot.errors import BiobotError, DesignError, FileError
 
 

@@ -10,16 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fem_biobot.design import Design
 from fem_biobot.errors import SolveError
+from fem_biobot.link.alone import Pull
+from fem_biobot.link.firm import made_firm
 from fem_biobot.link.masses import with_masses
 from fem_biobot.link.observed import Array, Observed, parts_of_energy
-from fem_biobot.link.rod_side import RodSide, energies
+from fem_biobot.link.rod_side import PILLARS, RodSide, energies
 from fem_biobot.link.sections import MeshSections, sections_from_mesh, with_sections
-from fem_biobot.link.strip import STRIP, Pull, StripSections, stretches_of, strip_from_mesh, with_strip
+from fem_biobot.link.strip import STRIP, StripSections, pulled, stretches_of, strip_from_mesh, with_strip
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.study.reporter import Reporter, Silent
@@ -47,22 +50,34 @@ def parts_of(
     path
         What was observed of `reduced`, by rising tension, and its states.
     reporter
-        Told of each part.
+        Told of a stage and each part.
     """
-    seen, states = path
+    seen, junction = path[0], design.value("muscle.layout") == "junction"
+    reporter.stage("parts of the mesh under loads", 5 if junction else 2)
     sections = sections_from_mesh(design, mesh, [each.numbers["muscle_force_mN"] for each in seen])
     reporter.advance("skeleton")
     strip = None
-    if design.value("muscle.layout") == "junction":
-        name = str(getattr(reduced.members[0], "name", ""))
-        approach = [design.span - state.muscle_length(name) for state in states]
-        turns = [float(np.deg2rad(each.numbers["pillar_rotation_deg"])) for each in seen]
-        pulls = [Pull(each.tension, *by) for each, *by in zip(seen, approach, turns, strict=True)]
-        strip = strip_from_mesh(design, mesh, pulls)
-    reporter.advance("junction" if strip else "no junction")
+    if junction:
+        strip = strip_from_mesh(design, mesh)
+        reporter.advance("junction by unit loads")
+        # rods in closed form come together by a seventh more; those of unit loads are near what the machine will bear
+        rods = LoadedRods(design, reduced, sections, strip, mesh)
+        pulls = rods.pulls([each.tension for each in seen])
+        strip = pulled(design, mesh, strip, pulls)
+        reporter.advance("junction under pulls")
+        strip = made_firm(design, reduced, strip, pulls, reporter)
+        reporter.advance("junction's bending under pulls")
     found = LoadedRods(design, reduced, sections, strip, mesh)
     reporter.advance("masses")
     return found
+
+
+class Bearing(NamedTuple):
+    """Curvature of each stretch of beam [1/mm], stretch of each of the junction [1], approach of its bonds [mm]."""
+
+    curvature: Array
+    stretch: Array | None
+    approach: float
 
 
 @dataclass(frozen=True)
@@ -89,68 +104,77 @@ class LoadedRods:
     strip: StripSections | None
     mesh: BodyMesh
 
-    def side(self, curvature: Array | None = None, stretch: Array | None = None) -> RodSide:
-        """Rods about a curvature of each stretch of beam and a stretch of each of the junction; by unit loads."""
-        model = with_sections(self.reduced, self.sections, curvature=curvature)
+    def side(self, bearing: Bearing | None = None) -> RodSide:
+        """Rods about what their parts bear; without it by unit loads."""
+        model = with_sections(self.reduced, self.sections, curvature=bearing.curvature if bearing else None)
         if self.strip is not None:
-            model = with_strip(model, self.design, self.strip, stretch=stretch)
+            stretch = bearing.stretch if bearing else None
+            firmness, height = self.strip.clamped(bearing.approach) if bearing else (1.0, 0.0)
+            model = with_strip(model, self.design, self.strip, stretch=stretch, firmness=firmness, height=height)
         return RodSide(self.design, with_masses(model, self.design, self.mesh))
+
+    def pulls(self, tensions: Sequence[float]) -> list[Pull]:
+        """How rods by unit loads move the bonds of their junction, at tensions that rise [kPa]; fewer if some fail."""
+        side = self.side()
+        seen, states = side.states(tensions, Silent())
+        turns = [float(np.deg2rad(each.numbers["pillar_rotation_deg"])) for each in seen]
+        approach = [self._bearing(side, state).approach for state in states]
+        return [Pull(each.tension, *by) for each, *by in zip(seen, approach, turns, strict=True)]
 
     def states(self, tensions: Sequence[float], reporter: Reporter) -> tuple[list[Observed], list[RodState]]:
         """Equilibria at tensions that rise [kPa], each of a model of its own; fewer if there are none further on."""
         observed: list[Observed] = []
         states: list[RodState] = []
-        curvature = stretch = None
+        bearing: Bearing | None = None
         for k in range(len(tensions)):
             try:
-                side, seen, state = self._settled(tensions[: k + 1], curvature, stretch)
+                side, seen, state = self._settled(tensions[: k + 1], bearing)
             except SolveError as failure:
                 if not states:
                     raise
                 reporter.note(f"rods at load: nothing above {tensions[k - 1]:.3g} kPa: {failure}")
                 break
-            curvature, stretch = self._bearing(side, state)
-            stored = parts_of_energy(*self._stored(side, state, curvature))
+            bearing = self._bearing(side, state)
+            stored = parts_of_energy(*self._stored(side, state, bearing))
             observed.append(replace(seen, numbers={**seen.numbers, **stored}))
             states.append(state)
         reporter.advance(f"rods at load to {tensions[len(states) - 1]:.3g} kPa")
         return observed, states
 
-    def _settled(
-        self, tensions: Sequence[float], curvature: Array | None, stretch: Array | None
-    ) -> tuple[RodSide, Observed, RodState]:
+    def _settled(self, tensions: Sequence[float], bearing: Bearing | None) -> tuple[RodSide, Observed, RodState]:
         """Side and state at the last of the tensions about which its constants are."""
         size = np.diff(self.reduced.rods[0].points[:, 0])
         for _ in range(_MOST):
-            side = self.side(curvature, stretch)
+            side = self.side(bearing)
             observed, states = side.states(tensions, Silent())
             if len(states) < len(tensions):
                 raise SolveError(f"found no state at {tensions[-1]:.3g} kPa", None)
-            bent, shortened = self._bearing(side, states[-1])
-            changed = [] if curvature is None else [np.abs(bent - curvature) * size]
-            if shortened is not None and stretch is not None:
-                changed.append(np.abs(shortened - stretch))
-            curvature, stretch = bent, shortened
+            before, bearing = bearing, self._bearing(side, states[-1])
+            changed = [] if before is None else [np.abs(bearing.curvature - before.curvature) * size]
+            if before is not None and before.stretch is not None and bearing.stretch is not None:
+                changed += [np.abs(bearing.stretch - before.stretch)]
             if changed and max(float(c.max()) for c in changed) < _SETTLED:
                 return side, observed[-1], states[-1]
         raise SolveError(f"constants at load: found no end within {_MOST} rounds at {tensions[-1]:.3g} kPa", None)
 
-    def _stored(self, side: RodSide, state: RodState, curvature: Array) -> tuple[float, float]:
+    def _stored(self, side: RodSide, state: RodState, bearing: Bearing) -> tuple[float, float]:
         """Energy of beam and of muscle [uJ], each along its own curve, which rods about a load are not."""
         beam = side.model.rods[0]
         size = np.diff(beam.points[:, 0])
         linear = energies(state, beam.name)
-        of_beam = float(linear.sum() - linear[3] + self.sections.bending_energy(curvature) @ size)
+        of_beam = float(linear.sum() - linear[3] + self.sections.bending_energy(bearing.curvature) @ size)
         if self.strip is None:
             return of_beam, state.energy - side.beam_energy(state)
-        ends = state.points(STRIP)[[0, -1]]
-        return of_beam, self.strip.stored(self.design.span - float(np.linalg.norm(ends[1] - ends[0])))
+        return of_beam, self.strip.stored(bearing.approach)
 
-    def _bearing(self, side: RodSide, state: RodState) -> tuple[Array, Array | None]:
-        """Curvature of each stretch of beam [1/mm] and stretch of each of the junction [1]."""
+    def _bearing(self, side: RodSide, state: RodState) -> Bearing:
+        """What the parts bear in a state."""
         beam = side.model.rods[0]
         natural = 0.0 if beam.natural_curvature is None else np.asarray(beam.natural_curvature)[:, 0]
         curvature = state.strain(beam.name)[1][:, 0] + natural
         if self.strip is None:
-            return curvature, None
-        return curvature, stretches_of(self.strip, state.points(STRIP))
+            return Bearing(curvature, None, 0.0)
+        half, z = self.design.span / 2, self.design.value("muscle.junction_height")
+        ends = [state.at((name, (x, 0.0, z))) for name, x in zip(PILLARS, (-half, half), strict=True)]
+        approach = self.design.span - float(np.linalg.norm(ends[1] - ends[0]))
+        return Bearing(curvature, stretches_of(self.strip, state.points(STRIP)), approach)

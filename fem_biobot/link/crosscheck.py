@@ -239,7 +239,6 @@ def crosscheck(
     if mesh is None:
         mesh, more = mesh_for(design)
         notes += more
-    reporter.stage("parts of the mesh under loads", 3)
     plain = RodSide(design, rods).states(levels, Silent())
     parts = parts_of(design, mesh if parts_mesh is None else parts_mesh, rods, plain, reporter)
     sides: dict[Stiffness, RodSide | LoadedRods] = {
@@ -250,13 +249,13 @@ def crosscheck(
     }
     solid = SolidSide(design, mesh, solved[0].model if solved else None)
     if solved:
-        reporter.stage("rods at the tensions of the solid", len(sides))
         observed, states = [solid.observe(s, T) for s, T in zip(solved, levels, strict=True)], list(solved)
     else:
-        reporter.stage("solid and rods at the same tensions", len(levels) + len(sides))
+        reporter.stage("solid", len(levels))
         observed, states = solid.states(levels, reporter)
-    own = solid.squeezed(levels[: len(observed)])
+    own = solid.squeezed(levels[: len(observed)], reporter)
     observed = [beyond(each, *energy) for each, energy in zip(observed, own, strict=True)]
+    reporter.stage("rods at the tensions of the solid", len(sides))
     by_rods = {name: side.states(levels, reporter) for name, side in sides.items()}
     # about the passive state, or the last that all reached
     standing = levels.index(design.tension(0.0)) if design.tension(0.0) in levels else len(levels) - 1

@@ -86,7 +86,7 @@ class SolidSide:
             **parts_of_energy(*passive_energy(state)),
         )
 
-    def squeezed(self, tensions: Sequence[float]) -> list[tuple[float, float]]:
+    def squeezed(self, tensions: Sequence[float], reporter: Reporter) -> list[tuple[float, float]]:
         """Passive energy of skeleton and muscle where the rings around the pillars alone pull, at each tension [uJ].
 
         Rings squeeze their pillars and themselves whether the machine bends or not, and store energy in that which
@@ -96,7 +96,14 @@ class SolidSide:
             return [(0.0, 0.0)] * len(tensions)
         centres = self.mesh.points[:, self.mesh.cells[:, self.mesh.regions["muscle"]]].mean(axis=1)
         alone = model_from_design(self.design, self.mesh, np.where(in_junction(self.design, centres), 0.0, 1.0))
-        return [passive_energy(s) for s in solve(alone, [tension_step(self.design, T) for T in tensions]).states]
+        reporter.stage("rings of the solid alone", len(tensions))
+        ahead = iter(tensions)
+
+        def tell(_: SolidState) -> None:
+            reporter.advance(f"rings at {next(ahead):.3g} kPa")
+
+        found = solve(alone, [tension_step(self.design, T) for T in tensions], on_state=tell)
+        return [passive_energy(state) for state in found.states]
 
     def motions(self, state: SolidState, at: Array, count: int) -> Motions:
         """Slowest free motions about a state, seen at reference positions (p, 3) [mm]."""

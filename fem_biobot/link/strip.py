@@ -16,26 +16,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
-from fem_biobot.link.observed import Array, Ints, rotation
-from fem_biobot.link.parts import BONDS, part_of
+from fem_biobot.link.alone import MuscleAlone, Pull, heights, reaction
+from fem_biobot.link.observed import Array, Ints
 from fem_biobot.link.solid_side import passive_energy
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.muscle.fibres import fibre_field
 from fem_biobot.rod.landmarks import Landmarks
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.records import Muscle, Resistance, Rigid, Rod
 from fem_biobot.rod.section import RodMaterial, Section
-from fem_biobot.solid.from_design import law_of, tension_of, tension_step
-from fem_biobot.solid.model import SolidModel, SolidState, solve
-from fem_biobot.solid.records import Fix, Step
+from fem_biobot.solid.model import SolidState
 
 STRIP = "junction"
 _SMALL = 1e-5
@@ -45,14 +41,6 @@ _READ = (0.0, 0.25, 0.5, 1.0, 2.0)
 _PARTS = (3, 3, 4, 4, 3)
 _RING_PARTS = 4
 _INSIDE = 0.45  # of the thickness, above and below the middle line, where the turn of a section is read
-
-
-class Pull(NamedTuple):
-    """Nominal tension [kPa], approach of the bonds [mm], and the turn of each inwards [rad]."""
-
-    tension: float
-    approach: float
-    turn: float
 
 
 @dataclass(frozen=True)
@@ -74,6 +62,10 @@ class StripSections:
     approach, energy
         Of the same pulls with turned bonds, after none: how far the bonds came together [mm], and the passive energy of
         the whole muscle beyond that at the same tension and unmoved bonds [uJ], (p + 1,) each.
+    height
+        Of the line of each pull above the ends of the strip, with bonds as they are and turned, (p, 2) [mm].
+    firmness
+        Factor on the bending stiffness at load with which a rod's line of pull is as high, (p,) [1]; see `link.firm`.
     """
 
     x: Array
@@ -87,6 +79,18 @@ class StripSections:
     passive: Array
     approach: Array
     energy: Array
+    height: Array
+    firmness: Array
+
+    def clamped(self, approach: float) -> tuple[float, float]:
+        """Firmness [1] and height of the line of pull [mm] at an approach of the bonds; beyond the pulls as there."""
+        if len(self.approach) == 1:
+            return 1.0, 0.0
+        at = float(np.clip(approach, *self.approach[[1, -1]]))
+        if len(self.approach) == 2:
+            return float(self.firmness[0]), float(self.height[0, 0])
+        firmness, height = (PchipInterpolator(self.approach[1:], v)(at) for v in (self.firmness, self.height[:, 0]))
+        return float(firmness), float(height)
 
     def stored(self, approach: float) -> float:
         """Passive energy of the muscle by an approach of its bonds [uJ]; beyond the last pull with its last modulus."""
@@ -136,7 +140,7 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[Pull] = ()) 
     design, mesh
         A bot of two pillars with a junction, and its mesh.
     pulls
-        Pulls at large, in the order of a path.
+        Pulls at large, in the order of a path; see `pulled`.
 
     Raises
     ------
@@ -148,76 +152,51 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[Pull] = ()) 
     muscle = design.value("muscle")
     if muscle.layout != "junction":
         raise ModelError(f"muscle.layout: found {muscle.layout}, expected junction for a strip between pillars")
-    x, body = read_at(design), part_of(mesh, "muscle")
-    middle = np.array([0.0, 0.0, muscle.junction_height])
-    material = {"muscle": law_of(muscle.material)}
-    tensed = {"muscle": tension_of(design, fibre_field(design, mesh))}
-
-    def moved(k: int, steps: Sequence[tuple[float, float]]) -> Sequence[SolidState]:
-        """States at tensions [kPa] and amounts [mm] or [rad] of one motion of the long bond."""
-        bonds = [Fix(BONDS[0]), Fix(BONDS[1], "xyz", lambda X: _rigid(k, X, middle))]
-        model = SolidModel(body, material, tensed, bonds, element=design.mesh.element)
-        return solve(model, [Step(by, tension_step(design, T).tension) for T, by in steps]).states
-
+    x, alone = read_at(design), MuscleAlone(design, mesh)
     little = _SMALL * muscle.material.young
-    stretching, held, *large = moved(0, [(0.0, _SMALL), (little, 0.0), *((p.tension, -p.approach) for p in pulls)])
-    unmoved = moved(0, [(p.tension, 0.0) for p in pulls]) if pulls else []
-
-    def turned(pull: Pull) -> SolidState:
-        """The state at a pull whose bonds turn as well."""
-        ends = [middle + np.array([x[i], 0.0, 0.0]) for i in (0, -1)]
-        bonds = [Fix(name, "xyz", partial(_turned, pull, end)) for name, end in zip(BONDS, ends, strict=True)]
-        model = SolidModel(body, material, tensed, bonds, element=design.mesh.element)
-        return solve(model, [Step(1.0, tension_step(design, pull.tension).tension)]).last
-
-    stored = [passive_energy(turned(p))[1] - passive_energy(none)[1] for p, none in zip(pulls, unmoved, strict=True)]
-    found = [stretching, *(moved(k, [(0.0, _SMALL)])[0] for k in range(1, 6))]
-    K = np.array([_reaction(state, middle) for state in found]) / _SMALL
+    stretching, held = alone.moved(0, [(0.0, _SMALL), (little, 0.0)])
+    found = [stretching, *(alone.moved(k, [(0.0, _SMALL)])[0] for k in range(1, 6))]
+    K = np.array([reaction(state, alone.middle) for state in found]) / _SMALL
     C, L = np.linalg.inv(K), design.span
     size = np.diff(x)
     _, stretched = _sections(design, found[0], x)
     turns, _ = _sections(design, found[4], x)
     EA = K[0, 0] * size / (np.diff(stretched) / _SMALL)
     EI = K[4, 4] * size / (np.diff(turns) / _SMALL)
-    own = _reaction(held, middle)[0] - EA * np.diff(_sections(design, held, x)[1]) / size
+    own = reaction(held, alone.middle)[0] - EA * np.diff(_sections(design, held, x)[1]) / size
     lateral = L / C[5, 5]
-    shapes = [(_reaction(s, middle)[0], 1.0 + np.diff(_sections(design, s, x)[1]) / size) for s in large]
-    active = own / little
-    passive = [force - active * p.tension for (force, _), p in zip(shapes, pulls, strict=True)]
-    return StripSections(
-        x,
-        EA,
-        EI,
-        lateral,
-        L / C[3, 3],
-        L / (C[1, 1] - L**3 / (12.0 * lateral)),
-        active,
-        np.array([stretch for _, stretch in shapes]).reshape(-1, len(size)),
-        np.array(passive).reshape(-1, len(size)),
-        np.array([0.0, *(p.approach for p in pulls)]),
-        np.array([0.0, *stored]),
+    none, zero = np.zeros((0, len(size))), np.zeros(1)
+    sideways = L / (C[1, 1] - L**3 / (12.0 * lateral))
+    pull = own / little
+    unloaded = (none, none, zero, zero, np.zeros((0, 2)), np.zeros(0))
+    return pulled(design, mesh, StripSections(x, EA, EI, lateral, L / C[3, 3], sideways, pull, *unloaded), pulls)
+
+
+def pulled(design: Design, mesh: BodyMesh, found: StripSections, pulls: Sequence[Pull]) -> StripSections:
+    """The same constants with what pulls at large show, in place of any that they had.
+
+    Each is made thrice: with bonds that come together without a turn, with bonds that turn as well, and, for what is
+    stored, with bonds that do not move.
+    """
+    if not pulls:
+        return found
+    x, size, alone = found.x, np.diff(found.x), MuscleAlone(design, mesh)
+    large = alone.moved(0, [(p.tension, -p.approach) for p in pulls])
+    unmoved = alone.moved(0, [(p.tension, 0.0) for p in pulls])
+    turned = [alone.turned(p) for p in pulls]
+    stored = [passive_energy(state)[1] - passive_energy(none)[1] for state, none in zip(turned, unmoved, strict=True)]
+    forces = [reaction(state, alone.middle)[0] - found.pull * p.tension for state, p in zip(large, pulls, strict=True)]
+    straight = heights(design, large, [(x[0], x[-1] - p.approach) for p in pulls])
+    bent = heights(design, turned, [(x[0] + 0.5 * p.approach, x[-1] - 0.5 * p.approach) for p in pulls])
+    return replace(
+        found,
+        stretch=np.array([1.0 + np.diff(_sections(design, state, x)[1]) / size for state in large]),
+        passive=np.array(forces),
+        approach=np.array([0.0, *(p.approach for p in pulls)]),
+        energy=np.array([0.0, *stored]),
+        height=np.column_stack([straight, bent]),
+        firmness=np.ones(len(pulls)),
     )
-
-
-def _rigid(k: int, X: Array, middle: Array) -> Array:
-    """Unit displacement along axis `k`, or small turn about axis ``k - 3``, of positions (3, n), (3, n) [mm]."""
-    axis = np.eye(3)[:, [k % 3]]
-    if k < 3:
-        return np.repeat(axis, X.shape[1], axis=1)
-    return np.cross(np.broadcast_to(axis, X.shape), X - middle[:, None], axis=0)
-
-
-def _turned(pull: Pull, end: Array, X: Array) -> Array:
-    """Displacement of a bond by half of a pull's approach and by its turn about an end of the strip, (3, n) [mm]."""
-    inwards, arm = -float(np.sign(end[0])), X - end[:, None]
-    turned = rotation(inwards * pull.turn) @ arm - arm
-    return turned + np.array([[0.5 * inwards * pull.approach], [0.0], [0.0]])
-
-
-def _reaction(state: SolidState, middle: Array) -> Array:
-    """Force and moment about the strip's middle that moves the long bond, (6,) [mN, uJ]."""
-    about = tuple(middle.tolist())
-    return np.concatenate([state.reaction(BONDS[1]), state.reaction_moment(BONDS[1], about)])
 
 
 def _sections(design: Design, state: SolidState, x: Array) -> tuple[Array, Array]:
@@ -228,7 +207,15 @@ def _sections(design: Design, state: SolidState, x: Array) -> tuple[Array, Array
     return (high - low) / (2.0 * half), 0.5 * (high + low)
 
 
-def with_strip(model: RodModel, design: Design, found: StripSections, *, stretch: Array | None = None) -> RodModel:
+def with_strip(
+    model: RodModel,
+    design: Design,
+    found: StripSections,
+    *,
+    stretch: Array | None = None,
+    firmness: float = 1.0,
+    height: float = 0.0,
+) -> RodModel:
     """A reduced model of two pillars whose muscle is a clamped rod with the constants from the mesh.
 
     Parameters
@@ -242,6 +229,10 @@ def with_strip(model: RodModel, design: Design, found: StripSections, *, stretch
     stretch
         Of each stretch, about which the junction is taken instead of about none, (s,) [1]: its force and what that
         changes by are those of the pulls at large, its bending stiffness grows as its modulus and its thickness do.
+    firmness
+        Factor on that bending stiffness [1].
+    height
+        Of the junction's ends above their place as drawn [mm].
 
     Notes
     -----
@@ -253,7 +244,7 @@ def with_strip(model: RodModel, design: Design, found: StripSections, *, stretch
     old = model.members[0]
     assert isinstance(old, Muscle)
     x, stretch_of = _elements(found)
-    points = np.column_stack([x, np.zeros_like(x), np.full_like(x, design.value("muscle.junction_height"))])
+    points = np.column_stack([x, np.zeros_like(x), np.full_like(x, design.value("muscle.junction_height") + height)])
     unit = old.isometric(1.0) / design.tension(1.0)  # of one member, with its own section
     along, across, rest = found.EA, np.zeros_like(found.EA), np.ones_like(found.EA)
     bending = twisting = rest
@@ -263,7 +254,7 @@ def with_strip(model: RodModel, design: Design, found: StripSections, *, stretch
         # what the secant lacks of the tangent, by a member without force at this stretch
         along = np.maximum(slope - across, 0.0) * stretch
         # what shortens grows across, and its moments of area with the square
-        bending, twisting = slope / found.EA / stretch, 1.0 / stretch
+        bending, twisting = firmness * slope / found.EA / stretch, 1.0 / stretch
     members = []
     for k, s in enumerate(stretch_of):
         area = old.area * float(found.pull[s]) / unit

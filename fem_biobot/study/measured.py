@@ -47,7 +47,6 @@ def measured_finding(
     reduced = reduce(design)
     top = max(design.tension(drive) for drive in (0.0, design.drive.amplitude))
     path = RodSide(design, reduced).states([share * top for share in (0.2, 0.5, 1.0, 1.4)], Silent())
-    reporter.stage("parts of the mesh under loads", 3)
     rods = parts_of(design, mesh, reduced, path, reporter)
     reporter.stage("rods of other moduli", 7)
     table = deflections(design, rods, reporter)

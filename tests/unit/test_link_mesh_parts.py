@@ -9,18 +9,21 @@ import pytest
 
 from fem_biobot.config import load_design
 from fem_biobot.errors import MeshError, ModelError, SolveError
-from fem_biobot.link import at_load
+from fem_biobot.link import at_load, firm
+from fem_biobot.link.alone import Pull
 from fem_biobot.link.at_load import LoadedRods
+from fem_biobot.link.firm import line_height, made_firm
 from fem_biobot.link.masses import cloud, with_masses
 from fem_biobot.link.parts import BONDS, balanced, part_of
 from fem_biobot.link.sections import MeshSections, closed_forms, sections_from_mesh, with_sections
-from fem_biobot.link.strip import STRIP, Pull, StripSections, stretches_of, strip_from_mesh, with_strip
+from fem_biobot.link.strip import STRIP, StripSections, stretches_of, strip_from_mesh, with_strip
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.from_design import law_of, supports
 from fem_biobot.solid.model import SolidModel
+from fem_biobot.study.reporter import Silent
 from tests.helpers import generator
 
 DESIGN = load_design("junction_bot").with_values({"mesh.size": 2.0})
@@ -254,3 +257,77 @@ def test_constants_that_do_not_settle_are_refused(
     ring = load_design("ring_bot")
     with pytest.raises(ModelError, match="expected junction"):
         strip_from_mesh(ring, mesh)
+
+
+@pytest.fixture(scope="module")
+def firm_strip(parts: Parts) -> StripSections:
+    """The junction with the factors that its pulls ask for."""
+    return made_firm(DESIGN, reduce(DESIGN), parts[1], PULLS, Silent())
+
+
+def _height(strip: StripSections, pull: Pull, firmness: float) -> float:
+    drawn = np.full(len(strip.EA), 1.0 - pull.approach / DESIGN.span)
+    return line_height(DESIGN, reduce(DESIGN), strip, pull, firmness, drawn)[0]
+
+
+def test_turned_ends_lift_a_firm_junction_as_they_lift_the_muscle(parts: Parts, firm_strip: StripSections) -> None:
+    """Its line of pull stands as high as the muscle's bonds say, to what is iterated to; by unit loads it is lower.
+
+    Catches: bonds turned outwards, the couple of one bond, a factor on the bending across, ends that do not rise.
+    """
+    for pull, (still, turned), factor in zip(PULLS, parts[1].height, firm_strip.firmness, strict=True):
+        assert _height(firm_strip, pull, factor) == pytest.approx(turned, rel=1e-3)
+        assert still < _height(firm_strip, pull, 1.0) < 0.92 * turned
+    # the rings are lower than the strip, so it is lifted where nothing turns; pillars of rigid rings would lift it more
+    muscle = DESIGN.value("muscle")
+    assert muscle.ring_offset < 0.0
+    for pull, (still, turned) in zip(PULLS, parts[1].height, strict=True):
+        assert 0.0 < still < 0.1 * turned
+        assert turned < muscle.junction_thickness * pull.turn * 2.0
+
+
+def test_constants_of_turned_ends_go_by_the_approach(firm_strip: StripSections) -> None:
+    """Through each pull, between them in between, beyond them as there; without pulls those of unit loads.
+
+    Catches: an approach of zero taken for a pull, extrapolation.
+    """
+    for pull, factor, (height, _) in zip(PULLS, firm_strip.firmness, firm_strip.height, strict=True):
+        assert firm_strip.clamped(pull.approach) == pytest.approx((factor, height), rel=1e-12)
+    assert firm_strip.clamped(0.0) == firm_strip.clamped(PULLS[0].approach)
+    assert firm_strip.clamped(9.0) == firm_strip.clamped(PULLS[1].approach)
+    low, middle, high = sorted([*firm_strip.height[:, 0], firm_strip.clamped(1.1)[1]])
+    assert low < middle < high
+    assert middle == firm_strip.clamped(1.1)[1]
+    one = replace(
+        firm_strip, approach=firm_strip.approach[:2], firmness=firm_strip.firmness[:1], height=firm_strip.height[:1]
+    )
+    assert one.clamped(0.3) == (firm_strip.firmness[0], firm_strip.height[0, 0])
+    none = replace(
+        firm_strip, approach=firm_strip.approach[:1], firmness=firm_strip.firmness[:0], height=firm_strip.height[:0]
+    )
+    assert none.clamped(0.3) == (1.0, 0.0)
+
+
+def test_a_line_of_pull_that_no_bending_gives_is_told(parts: Parts, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Higher than shear lets it rise; a pull without a turn says nothing; one round cannot tell what has settled.
+
+    Catches: the last factor tried taken as found, a division by no turn.
+    """
+
+    class Told(Silent):
+        notes: list[str] = []
+
+        def note(self, text: str) -> None:
+            self.notes.append(text)
+
+    strip, reduced = parts[1], reduce(DESIGN)
+    of_pulls = {name: getattr(strip, name)[:1] for name in ("stretch", "passive", "firmness")}
+    from_none = {name: getattr(strip, name)[:2] for name in ("approach", "energy")}
+    one = replace(strip, height=strip.height[:1] * np.array([1.0, 9.0]), **of_pulls, **from_none)
+    made = made_firm(DESIGN, reduced, one, PULLS[:1], Told())
+    assert made.firmness == pytest.approx([10.0])
+    assert "line of pull" in Told.notes[0]
+    assert made_firm(DESIGN, reduced, one, [PULLS[0]._replace(turn=0.0)], Silent()).firmness == [1.0]
+    monkeypatch.setattr(firm, "_MOST", 1)
+    with pytest.raises(SolveError, match="junction alone"):
+        _height(parts[1], PULLS[0], 1.0)

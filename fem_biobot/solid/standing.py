@@ -17,7 +17,7 @@ from fem_biobot.friction.ground import Ground
 from fem_biobot.material.law import Array
 from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.book import begun
-from fem_biobot.solid.dynamics.feet import feet_of
+from fem_biobot.solid.dynamics.feet import Feet, feet_of
 from fem_biobot.solid.dynamics.integrate import solid_dynamics
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
@@ -71,6 +71,7 @@ def stand(
     body: MovingBody,
     ground: Ground,
     *,
+    feet: Feet | None = None,
     settings: DynamicsSettings | None = None,
     listener: Callable[[float, float], None] | None = None,
 ) -> Standing:
@@ -80,6 +81,8 @@ def stand(
     ----------
     design, body, ground
         The machine, free of supports, and what it stands on.
+    feet
+        Points that touch; by default all of both soles.
     settings
         Of the integrator, whose scheme is backward Euler whatever it says.
     listener
@@ -93,14 +96,15 @@ def stand(
     settings = replace(settings or DynamicsSettings(), scheme=Scheme.backward_euler)
     passive = tension_step(design, design.tension(0.0))
     floating = solve(body.model, [passive], settings=newton_settings(design)).last
-    u, tilt = placed(body, floating, ground)
+    feet = feet or feet_of(body, FEET)
+    u, tilt = placed(body, floating, ground, feet)
     at: SolidState | SolidCheckpoint = SolidState(body.model, passive, u, pressure=floating.pressure)
     weight = float(np.linalg.norm(body.weight.sum(axis=0)))
     still = _STILL * max(weight, 1e-12) * 1e-3
     time, step, energy = 0.0, _FIRST, np.inf
     for _ in range(_SLICES):
         motion = solid_dynamics(
-            body, _SLICE * step, step, ground=ground, feet=FEET, drive=lambda t: passive, start=at, settings=settings
+            body, _SLICE * step, step, ground=ground, feet=feet, drive=lambda t: passive, start=at, settings=settings
         )
         time += _SLICE * step
         at, energy = motion.final, float(motion.energy("kinetic")[_SLICE // 2 :].max())
@@ -124,7 +128,7 @@ def _rested(body: MovingBody, found: SolidCheckpoint) -> SolidCheckpoint:
     return SolidCheckpoint(State(u, still, still, touch, p), begun(body, u, still, p), 0.0)
 
 
-def placed(body: MovingBody, shape: SolidState, ground: Ground) -> tuple[Array, float]:
+def placed(body: MovingBody, shape: SolidState, ground: Ground, feet: Feet) -> tuple[Array, float]:
     """Displacement (3, n) [mm] of a shape turned about the lateral axis and lowered until it can stand, and the turn.
 
     The lowest line from a contact point behind the centre of mass to one before it becomes level. The centre of mass
@@ -133,7 +137,7 @@ def placed(body: MovingBody, shape: SolidState, ground: Ground) -> tuple[Array, 
     X, mass, axes = shape.X, body.node_mass / body.total_mass, ground.axes
     x = X + shape.u
     centre = x @ mass
-    nodes = feet_of(body, FEET).nodes
+    nodes = feet.nodes
     up, forward = axes[0] @ (x[:, nodes] - centre[:, None]), axes[1] @ (x[:, nodes] - centre[:, None])
     behind, before = forward < 0.0, forward > 0.0
     tilt = 0.0

@@ -13,6 +13,7 @@ from fem_biobot.friction.ground import Ground
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.muscle.waveforms import drive_function
 from fem_biobot.solid.dynamics.body import GRAVITY, MovingBody, moving_body
+from fem_biobot.solid.dynamics.feet import Feet, feet_of
 from fem_biobot.solid.dynamics.integrate import solid_dynamics
 from fem_biobot.solid.dynamics.motion import SolidMotion, joined
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
@@ -71,6 +72,7 @@ def solid_walk(
     discard: int | None = None,
     sample_every: int | None = None,
     settings: DynamicsSettings | None = None,
+    feet: Feet | None = None,
     start: Standing | None = None,
     before: Sequence[SolidMotion] = (),
     listener: Callable[[float], None] | None = None,
@@ -92,8 +94,10 @@ def solid_walk(
         Steps between samples; by default as many as leave about 50 samples to a stroke.
     settings
         Of the integrator; by default ``soft_landing``, see `solid.dynamics.settings.Scheme`.
+    feet
+        Points that touch the ground; by default all of both soles.
     start
-        How the machine stands; found first by default.
+        How the machine stands, on the same points; found first by default.
     before
         Motions that `keeper` was given before an interruption, in order: the walk goes on from the last of them.
     listener
@@ -129,7 +133,8 @@ def solid_walk(
     ground = solid_ground(design)
     settings = settings or DynamicsSettings(Scheme.soft_landing)
     clock = time.process_time()
-    stood = start or stand(design, body, ground, settings=settings)
+    feet = feet or feet_of(body, FEET)
+    stood = start or stand(design, body, ground, feet=feet, settings=settings)
     if sample_every is None:
         sample_every = max(1, per_stroke // _SAMPLES)
 
@@ -154,7 +159,7 @@ def solid_walk(
         count = min((done // per_stroke + 1) * per_stroke, total) - done
         try:
             motion = solid_dynamics(
-                body, count * step, step, ground=ground, feet=FEET, drive=drive,
+                body, count * step, step, ground=ground, feet=feet, drive=drive,
                 start=motions[-1].final if motions else stood.checkpoint, sample_every=sample_every,
                 settings=settings, listener=listener,
             )  # fmt: skip

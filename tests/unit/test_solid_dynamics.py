@@ -176,6 +176,28 @@ def test_contact_points_stand_for_the_whole_sole() -> None:
         assert np.all((feet.area > 0.0) == (corners if element == "P1" else ~corners))
 
 
+def test_a_ground_stops_the_chosen_points_alone() -> None:
+    """A block that falls on chosen points of its sole stands on those; the others bear nothing, and none is refused.
+
+    Catches: a choice that is not passed on, owners or areas of other points, a foot left without any.
+    """
+    body = moving_body(_model("P2"), DENSITY, gravity=(0.0, 0.0, -9810.0), damping_time=1e-3, free=True)
+    whole = feet_of(body, ["z0"])
+    X = body.system.space.points[:, whole.nodes]
+    chosen = (np.isclose(X[0], X[0].min()) | np.isclose(X[0], X[0].max())) & np.isclose(
+        np.abs(X[1] - X[1].mean()), np.ptp(X[1]) / 2
+    )
+    feet = whole.only(chosen)
+    assert len(feet.nodes) == 4
+    assert np.array_equal(feet.area, whole.area[chosen])
+    height = float(body.system.space.points[2].min())
+    motion = solid_dynamics(body, 0.2, 2e-3, ground=Ground(0.4, 0.3, height=height), feet=feet, sample_every=50)
+    assert motion.contact_force.shape[1] == 4
+    assert motion.contact_force[-1, :, 0].sum() == pytest.approx(9810.0 * body.total_mass, rel=1e-3)
+    with pytest.raises(ModelError, match="no point of 'z1' chosen"):
+        feet_of(body, ["z0", "z1"]).only(np.arange(2 * len(whole.nodes)) < len(whole.nodes))
+
+
 def test_a_motion_goes_on_from_its_checkpoint() -> None:
     """Two runs in a row repeat a run of the same two parts from a file, bit by bit, and join into one.
 

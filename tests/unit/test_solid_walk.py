@@ -94,6 +94,30 @@ def test_a_machine_stands_on_both_feet_with_its_weight() -> None:
     assert again.tilt == found.tilt
 
 
+def test_a_machine_walks_on_the_corners_of_its_soles() -> None:
+    """Given the soles' corners alone it stands and walks on them, with all of its weight.
+
+    Catches: feet that standing or walking forget, soles between the corners that still bear.
+    """
+    body = _body()
+    whole = standing.feet_of(body, FEET)
+    X = body.system.space.points[:, whole.nodes]
+    corner = np.zeros(len(whole.nodes), dtype=bool)
+    for k in range(2):
+        own = whole.owner == k
+        far = [
+            np.isclose(np.abs(X[i] - np.mean([X[i, own].min(), X[i, own].max()])), np.ptp(X[i, own]) / 2)
+            for i in (0, 1)
+        ]
+        corner |= own & far[0] & far[1]
+    feet = whole.only(corner)
+    assert len(feet.nodes) == 8
+    found = solid_walk(_design(), body, frequency=4.0, duration=0.25, step=1e-2, feet=feet)
+    assert len(found.start.checkpoint.state.touch.state) == 8
+    assert found.motion.contact_force.shape[1] == 8
+    assert found.foot_force[-1, :, 0].sum() == pytest.approx(9810.0 * body.total_mass, rel=0.2)
+
+
 def test_a_walk_leaves_a_whole_result(result: tuple[Path, dict[str, Any]]) -> None:
     """Summary, tables of both models, series of body and contacts, and graphs are there, nothing unfinished.
 

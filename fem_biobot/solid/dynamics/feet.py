@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array
@@ -41,6 +42,17 @@ class Feet:
     nodes: Ints
     area: Array
     owner: Ints
+
+    def only(self, chosen: NDArray[np.bool_]) -> Feet:
+        """The same feet with the chosen points alone, (c,); refuses to leave a foot without any.
+
+        Each point keeps its area. What is left out may sink into the ground: a device to ask what the points matter.
+        """
+        chosen = np.asarray(chosen, dtype=bool)
+        bare = [name for k, name in enumerate(self.names) if not np.any(chosen & (self.owner == k))]
+        if bare:
+            raise ModelError(f"feet: found no point of {bare[0]!r} chosen, expected some of every foot")
+        return Feet(self.names, self.nodes[chosen], self.area[chosen], self.owner[chosen])
 
 
 def feet_of(body: MovingBody, names: Sequence[str]) -> Feet:

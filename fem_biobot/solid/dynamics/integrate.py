@@ -20,7 +20,7 @@ from fem_biobot.solid.dynamics.body import MovingBody, moving_body
 from fem_biobot.solid.dynamics.book import begun, entered
 from fem_biobot.solid.dynamics.contact import Contact, untouched
 from fem_biobot.solid.dynamics.drag import SurfaceDrag
-from fem_biobot.solid.dynamics.feet import feet_of
+from fem_biobot.solid.dynamics.feet import Feet, feet_of
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint, SolidMotion, SolidMotionInterrupted
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
 from fem_biobot.solid.dynamics.step import Interval, State, Stepper
@@ -47,7 +47,7 @@ def solid_dynamics(
     free: bool = False,
     drag: SurfaceDrag | None = None,
     ground: Ground | None = None,
-    feet: Sequence[str] = (),
+    feet: Sequence[str] | Feet = (),
     drive: Drive | None = None,
     start: SolidState | SolidCheckpoint | None = None,
     velocity: Any = None,
@@ -66,7 +66,7 @@ def solid_dynamics(
     densities, gravity, medium_density, damping_time, free, drag
         See `moving_body`.
     ground, feet
-        A plane with friction, and the surfaces that it stops; none by default.
+        A plane with friction, and the surfaces, or the points of them, that it stops; none by default.
     drive
         What drives the body at an instant: a `Step`, or a factor on the tension of all muscles under its whole load.
         By default the whole load without tension.
@@ -149,7 +149,7 @@ class _Run:
         self,
         body: MovingBody,
         ground: Ground | None,
-        feet: Sequence[str],
+        feet: Sequence[str] | Feet,
         drive: Drive | None,
         settings: DynamicsSettings,
     ) -> None:
@@ -164,7 +164,8 @@ class _Run:
                 "backward_euler or soft_landing, whose stress is not corrected for its energy"
             )
         self.body, self.ground, self.settings = body, ground, settings
-        self.feet = None if ground is None else feet_of(body, feet)
+        given = isinstance(feet, Feet)
+        self.feet = None if ground is None else feet if given else feet_of(body, feet)
         self.contact = None if ground is None or self.feet is None else Contact(body, self.feet, ground)
         self.stepper = Stepper(body, self.contact, settings)
         self._drive = drive or (lambda t: Step(tension=0.0, time=t))

@@ -28,8 +28,9 @@ from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from fem_biobot.solid.mixed.kernels import symmetric_product
 from fem_biobot.solid.pattern import Pattern
+from fem_biobot.solid.products import write_node_product
 from fem_biobot.solid.unsymmetric.kernels import add_skew_product, add_to
-from fem_biobot.solid.vectors.kernels import add_scaled, advance, inner_product, node_product
+from fem_biobot.solid.vectors.kernels import add_scaled, advance, inner_product
 
 Array = NDArray[np.float64]
 
@@ -262,8 +263,14 @@ def product(pattern: Pattern, data: Array, x: Array) -> Array:
 
 
 def _write_product(pattern: Pattern, data: Array, x: Array, y: Array) -> None:
-    write = symmetric_product if pattern.n_pressures else node_product
+    write = symmetric_product if pattern.n_pressures else write_node_product
     write(pattern.starts, pattern.columns, data, x, y)
+
+
+def euclidean_norm(x: Array) -> float:
+    """Euclidean norm of all components; compiled, for BLAS would wake threads against those of the factorisation."""
+    flat = np.ascontiguousarray(x).ravel()
+    return float(np.sqrt(inner_product(flat, flat)))
 
 
 def conjugate_gradients(
@@ -336,7 +343,7 @@ def minimal_residuals(
     indefinite too, and for matrices without symmetry. Keeps two vectors an iteration, so it is for few. Parameters and
     results as those of `conjugate_gradients`.
     """
-    size = float(np.sqrt(inner_product(b, b)))
+    size = euclidean_norm(b)
     if size == 0.0:
         return np.zeros_like(b), 0, True
     basis, directions = [b / size], []
@@ -351,7 +358,7 @@ def minimal_residuals(
         for i in range(k + 1):
             H[i, k] = inner_product(basis[i], w)
             add_to(w, -H[i, k], basis[i])
-        H[k + 1, k] = np.sqrt(inner_product(w, w))
+        H[k + 1, k] = euclidean_norm(w)
         weights, *_ = np.linalg.lstsq(H[: k + 2, : k + 1], target[: k + 2], rcond=None)
         rest = float(np.linalg.norm(target[: k + 2] - H[: k + 2, : k + 1] @ weights))
         reached = rest <= tolerance * size

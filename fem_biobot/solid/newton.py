@@ -18,7 +18,7 @@ import numpy as np
 from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array, OutsideLawError
 from fem_biobot.solid.interface.state import Touch
-from fem_biobot.solid.linear import NotPositiveDefiniteError
+from fem_biobot.solid.linear import NotPositiveDefiniteError, euclidean_norm
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.step_failed import Iterate, StepFailedError, Why
 from fem_biobot.solid.system import InvertedError, Points, System
@@ -192,10 +192,10 @@ def newton(
         force, magnitude = system.internal_force(points)
         f_ext = system.external_force(u, step)
         free = system.residual(points, force, f_ext)
-        own = max(float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
+        own = max(euclidean_norm(magnitude), euclidean_norm(f_ext))
         scale = max(scale, own)
         free[held.dofs] = 0.0
-        norm = float(np.linalg.norm(free))
+        norm = euclidean_norm(free)
         observe("iteration", {"iteration": iteration, "residual": norm / scale if scale else 0.0})
         if not np.isfinite(norm):
             raise failed("the residual is not a number", Why.no_number)

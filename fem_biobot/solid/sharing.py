@@ -7,14 +7,17 @@ that does not depend on which thread is faster, so results repeat to the last bi
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 
 from fem_biobot.solid.space import Array, Ints
+
+Part = TypeVar("Part")
 
 # slabs thinner than this many elements are not worth a thread
 _FEWEST = 500
@@ -35,7 +38,7 @@ class Shares:
             work(self.rest)
 
 
-def run_parts(work: Callable[[Ints], None], parts: tuple[Ints, ...]) -> None:
+def run_parts(work: Callable[[Part], None], parts: Sequence[Part]) -> None:
     """Do `work` on all parts at the same time; an exception in one of them is raised here."""
     if len(parts) == 1:
         work(parts[0])

@@ -9,7 +9,7 @@ import pytest
 from scipy import sparse
 
 from fem_biobot.material import ActiveStress, NeoHooke
-from fem_biobot.solid import linear
+from fem_biobot.solid import linear, products
 from fem_biobot.solid.direct import LinearSolver
 from fem_biobot.solid.linear import (
     NotPositiveDefiniteError,
@@ -23,7 +23,9 @@ from fem_biobot.solid.mixed.kernels import symmetric_product
 from fem_biobot.solid.model import SolidModel, linear_solver, solve
 from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.pattern import Pattern, pattern
-from fem_biobot.solid.vectors.kernels import node_product
+from fem_biobot.solid.products import write_node_product
+from fem_biobot.solid.sharing import run_parts
+from fem_biobot.solid.vectors.kernels import add_node_rows
 from tests.helpers import TIGHT, box_mesh, generator, on_three_corners, unchanged, unit
 
 MODEL = SolidModel(
@@ -78,20 +80,30 @@ def test_the_factor_solves_and_can_be_renewed(kind: type) -> None:
         np.testing.assert_allclose(x, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_the_products_are_those_of_the_whole_matrix(compiled: bool) -> None:
-    """By blocks and by rows, with entries in double and in single precision, compiled and as plain Python.
+@pytest.mark.parametrize(("compiled", "threads"), [(True, 1), (True, 3), (False, 1)])
+def test_the_products_are_those_of_the_whole_matrix(
+    compiled: bool, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By blocks and by rows, with entries in double and in single precision, compiled, shared, and as plain Python.
 
-    Catches: a block taken for its transpose, the last block or the node's own left out, sums in single precision.
+    Catches: a block taken for its transpose, the last block or the node's own left out, sums in single precision, a
+    thread's rows done twice or not at all.
     """
+    shared = []
+    monkeypatch.setattr(products, "usable_threads", lambda: threads)
+    monkeypatch.setattr(products, "_FEWEST", 100)
+    monkeypatch.setattr(products, "run_parts", lambda work, parts: shared.append(len(parts)) or run_parts(work, parts))
+    if not compiled:
+        monkeypatch.setattr(products, "add_node_rows", getattr(add_node_rows, "py_func", add_node_rows))
     data, x = _stiffness(), generator(3).normal(size=PATTERN.n_dofs)
     data += generator(5).normal(size=data.shape)  # no block of it is symmetric
     single = data.astype(np.float32)
-    for product, values in ((node_product, data), (node_product, single), (symmetric_product, data)):
+    for product, values in ((write_node_product, data), (write_node_product, single), (symmetric_product, data)):
         y = np.full_like(x, np.nan)
         write = product if compiled else getattr(product, "py_func", product)
         write(PATTERN.starts, PATTERN.columns, values, x, y)
         np.testing.assert_allclose(y, _full(values.astype(float)) @ x, rtol=0.0, atol=1e-12 * np.abs(y).max())
+    assert shared == ([threads, threads] if threads > 1 else [])
 
 
 @needs_pardiso

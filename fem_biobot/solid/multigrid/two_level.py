@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from fem_biobot.solid.linear import Factorisation, NotPositiveDefiniteError, factorisation
 from fem_biobot.solid.multigrid import kernels
 from fem_biobot.solid.pattern import Pattern, pattern
-from fem_biobot.solid.vectors.kernels import inner_product, node_product
+from fem_biobot.solid.products import write_node_product
+from fem_biobot.solid.vectors.kernels import inner_product
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -91,7 +92,7 @@ class TwoLevel:
 
     def _product(self, x: Array) -> Array:
         y = np.empty_like(x)
-        node_product(self.fine.starts, self.fine.columns, self._data, x, y)
+        write_node_product(self.fine.starts, self.fine.columns, self._data, x, y)
         return y
 
     def _smooth(self, x: Array, r: Array) -> None:

@@ -18,14 +18,15 @@ _ONE, _TWO, _THREE = (np.uint64(number) for number in (1, 2, 3))
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def node_product(starts, columns, data, x, y):
-    """Write ``y = A x`` for a symmetric matrix whose rows and columns are all nodes', three a node.
+def add_node_rows(begin, end, starts, columns, data, x, y):
+    """Add to `y` what nodes `begin` to `end` of the upper triangle give ``A x``, also below the diagonal.
+
+    For a symmetric matrix whose rows and columns are all nodes', three a node.
 
     By blocks of three rows and columns: one column number read for nine entries, and a third of the writes of a product
     by rows. `data` may be in single precision; the sums are not.
     """
-    y[:] = 0.0
-    for a in range(y.shape[0] // 3):
+    for a in range(begin, end):
         i = np.uint64(3 * a)
         first, second, third = np.uint64(starts[i]), np.uint64(starts[i + _ONE]), np.uint64(starts[i + _TWO])
         blocks = (second - first) // _THREE

@@ -263,15 +263,12 @@ class _Counting:
     single = False
 
     def __init__(self) -> None:
-        self.inner, self.factored = SuperLU(PATTERN), 0
-
-    @property
-    def negative_pivots(self) -> int:
-        return self.inner.negative_pivots
+        self.inner, self.factored, self.negative_pivots = SuperLU(PATTERN), 0, 0
 
     def factor(self, data: np.ndarray) -> None:
         self.factored += 1
         self.inner.factor(data)
+        self.negative_pivots = self.inner.negative_pivots
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         return self.inner.solve(b)

@@ -17,10 +17,11 @@ from fem_biobot.friction.scratch import scratch
 from fem_biobot.rod.address.kernels import by_address, entry
 from fem_biobot.rod.assembly import kernels as assembly_kernels
 from fem_biobot.rod.dynamics import kernels
+from fem_biobot.rod.dynamics.adaptive import kernels as adaptive_kernels
 from fem_biobot.rod.dynamics.arrays import BOOK, copied, work_for
 from fem_biobot.rod.dynamics.book.kernels import accept
 from fem_biobot.rod.dynamics.motion import Checkpoint, Motion, MotionInterrupted
-from fem_biobot.rod.dynamics.run.kernels import implicit_run
+from fem_biobot.rod.dynamics.run.kernels import AFTER, implicit_run
 from fem_biobot.rod.dynamics.settings import Integrator, Settings
 from fem_biobot.rod.dynamics.start import fits, plane_of, refuse_inside, refuse_massless, state_of
 from fem_biobot.rod.explicit import kernels as explicit_kernels
@@ -41,8 +42,8 @@ _OUTCOMES = {
     kernels.SINGULAR: "the tangent is singular (a part without mass that nothing holds?)",
     kernels.CONTACT: "the contact problem was not solved",
     kernels.WOUND: "an element turns by more than 3 rad or left the numbers",
+    adaptive_kernels.INACCURATE: "its error stays above settings.largest_error",
 }
-_INACCURATE = "its error stays above settings.largest_error"
 
 
 def dynamics(
@@ -162,7 +163,6 @@ class _Run:
         self.samples: list[dict[str, Any]] = []
         self.iterations = self.factorisations = self.halved = self.divided = 0
         self.worst = 0.0
-        self.level = 0  # how often the last step was divided for its error
 
     def begin(self, start: RodState | Checkpoint | None) -> None:
         """Arrays of the start; refuses what cannot be."""
@@ -183,9 +183,13 @@ class _Run:
             same = start.step == self.step
             self.origin = start.begin if same else start.time
             self.n_steps = start.steps if same else 0
+            if self.settings.largest_error is None:  # a count of steps, and no level of parts
+                np.minimum(self.state.alert, AFTER, out=self.state.alert)
         else:
             self.state, self.book = state_of(self.assembly, start or model.drawn()), np.zeros(len(BOOK))
             self.origin, self.n_steps = 0.0, 0
+            if self.settings.largest_error is not None:
+                self.state.alert[0] = adaptive_kernels.BEGINNING
             refuse_inside(self.assembly, self.plane, self.state)
             there = RodState(model, self.state.x, self.state.Q, self.state.v)
             parts = assembly_kernels.energies(self.assembly, self.state.x, self.state.strain, self.state.lengths)
@@ -235,11 +239,22 @@ class _Run:
             kernels.try_step, A, S, state, P, 0.0, 0.0, 0.0, row, row, *sizes, True, within, W, self.scratch
         )
         made = by_address(accept, A, S, state, 0.0, 0.0, row, W, self.book, self.tally)
-        theta, limits = self.settings.theta, (*sizes, _ImplicitCalls(step, within, made))
-        parts = self.settings.parts if self.settings.largest_error is None else 1
-        run = entry(implicit_run, A, S, state, P, 0.0, 0.0, 0.0, parts, 0.0, pulls, factors, *limits, *rooms)
+        limits = (*sizes, _ImplicitCalls(step, within, made))
+        allowed, divided = self.settings.largest_error, self.settings.division
+        if allowed is not None:
+            weight, located = float(self.settings.dissipation), (divided - 1).bit_length()
+            run = entry(
+                adaptive_kernels.adaptive_run, A, S, state, P, 0.0, weight, located, allowed, pulls, factors, *limits,
+                *rooms,
+            )  # fmt: skip
+            self.run = lambda h, after, pulls, factors: run(
+                A, S, state, P, h, weight, located, allowed, pulls, factors, *limits, *rooms
+            )
+            return
+        theta = self.settings.theta
+        run = entry(implicit_run, A, S, state, P, 0.0, 0.0, 0.0, divided, 0.0, pulls, factors, *limits, *rooms)
         self.run = lambda h, after, pulls, factors: run(
-            A, S, state, P, h, theta(h), theta(h / parts), parts, after, pulls, factors, *limits, *rooms
+            A, S, state, P, h, theta(h), theta(h / divided), divided, after, pulls, factors, *limits, *rooms
         )
 
     @property
@@ -264,22 +279,17 @@ class _Run:
         return drive[:, None] * self.pull_by, factors
 
     def go(self, count: int) -> None:
-        """`count` steps; one that fails is halved as often as it takes."""
+        """`count` steps; one that fails is halved as often as it takes, where the step does not adapt by itself."""
         self.tally[:] = 0.0
         self.since = count * self.step
-        self.level = 0  # as if begun from here, so that a run that goes on from a sample repeats
-        if self.settings.largest_error is not None:
-            for _ in range(count):
-                first, self.level = max(self.level - 1, 0), 0
-                self._accurate(self.time, self.step, 0, first)
-                self.n_steps += 1
-            return
         left = count
         while left:
             made = self._advance(self.time + self.step * np.arange(left + 1, dtype=float), self.step)
             self.n_steps += made
             left -= made
             if left:
+                if self.settings.largest_error is not None:
+                    self._fail(self.time, self.step / 2**adaptive_kernels.FINEST, _OUTCOMES[self.outcome])
                 self._halved(self.time, self.step, self.step, 1)
                 self.n_steps += 1
                 left -= 1
@@ -289,7 +299,8 @@ class _Run:
         pulls, factors = self._tables(times)
         made, self.outcome, *work = self.run(h, after or h, pulls, factors)
         if self.settings.integrator is Integrator.implicit:
-            iterations, factorisations, residual, divided = work
+            iterations, factorisations, residual, *undone, divided = work
+            self.halved += sum(undone)
             self.iterations += iterations
             self.factorisations += factorisations
             self.divided += divided
@@ -309,35 +320,6 @@ class _Run:
             if depth == _HALVINGS:
                 self._fail(begin, h / 2, _OUTCOMES[self.outcome])
             self._halved(begin, h / 2, following, depth + 1)
-
-    def _accurate(self, time: float, h: float, depth: int, first: int) -> None:
-        """One step in two halves that agree with it, or in halves of which that is true; not tried before `first`."""
-        if depth >= first:
-            self.level = max(self.level, depth)
-            before = copied(self.state), self.book.copy(), self.tally.copy(), self.worst
-            whole = self._advance(np.array([time, time + h]), h) == 1
-            there = self._ahead(h)
-            self._restore(*before)
-            made = self._advance(time + 0.5 * h * np.arange(3.0), 0.5 * h)
-            limit = self.settings.largest_error
-            if whole and made == 2 and limit is not None and np.abs(self._ahead(h) - there).max() <= limit:
-                return
-            self._restore(*before)
-            if depth == _HALVINGS:
-                self._fail(time, h, _INACCURATE if made == 2 else _OUTCOMES[self.outcome])
-            self.halved += 1
-        for half in range(2):
-            self._accurate(time + half * h / 2, h / 2, depth + 1, first)
-
-    def _ahead(self, h: float) -> Array:
-        """Where the nodes are and where they would be a time `h` later, (n, 6) [mm]."""
-        x, v = self.state.x, self.state.v[:, :3]
-        return np.concatenate([x, x + h * v], axis=1)
-
-    def _restore(self, state: Any, book: Array, tally: Array, worst: float) -> None:
-        for to, a in zip(self.state, state, strict=True):
-            to[...] = a
-        self.book[:], self.tally[:], self.worst = book, tally, worst
 
     def _fail(self, time: float, h: float, reason: str) -> None:
         raise SolveError(

@@ -34,18 +34,18 @@ class Settings:
     parts
         Implicit only: a step in which one of the ground's contact points begins or ceases to touch, to stick or to
         slip, or turns its slip round, is made again in so many parts, and so are the two steps after it; 1 for none.
-        See `rod.dynamics.run.kernels`. Of no use where the step adapts.
+        See `rod.dynamics.run.kernels`. Where the step adapts it is halved toward the change until a part is no longer
+        than one of so many. By default 4, and 32 where it adapts.
     largest_error
-        Implicit only: adapts the step. Each is compared with two of half its length and divided until, for no node,
-        its positions at the end and those to which its velocities lead in one such step differ by more than this [mm];
-        the halves are kept. A third of it is about the error of one step where motion is smooth, and steps add theirs
-        up. Across impacts steps become short. By default every step is as long as asked for.
+        Implicit only: adapts the step. It is made in parts of halves, halves of halves and so on, so short that the
+        errors of the positions in those of one step, as `rod.dynamics.adaptive.kernels` tells them, add up to no more
+        than this for any node [mm]; steps add theirs up. By default every step is as long as asked for.
     """
 
     integrator: Integrator = Integrator.implicit
     dissipation: float = 20.0
     tolerance: float = 1e-9
-    parts: int = 4
+    parts: int | None = None
     largest_error: float | None = None
 
     def __post_init__(self) -> None:
@@ -58,7 +58,8 @@ class Settings:
             raise ModelError(f"settings: dissipation: found {self.dissipation!r}, expected a number of at least 0 1/s")
         if not _number(self.tolerance) or not 1e-12 <= self.tolerance <= 1e-3:
             raise ModelError(f"settings: tolerance: found {self.tolerance!r}, expected a number from 1e-12 to 1e-3")
-        if not isinstance(self.parts, int | np.integer) or isinstance(self.parts, bool) or not 1 <= self.parts <= 1000:
+        whole = isinstance(self.parts, int | np.integer) and not isinstance(self.parts, bool)
+        if self.parts is not None and not (whole and 1 <= self.parts <= 1000):
             raise ModelError(f"settings: parts: found {self.parts!r}, expected a whole number from 1 to 1000")
         if self.largest_error is None:
             return
@@ -68,6 +69,11 @@ class Settings:
             raise ModelError(
                 "settings: largest_error: explicit steps have one length, expected the implicit integrator"
             )
+
+    @property
+    def division(self) -> int:
+        """`parts`, or what they are by default."""
+        return (4 if self.largest_error is None else 32) if self.parts is None else int(self.parts)
 
     def theta(self, step: float) -> float:
         """Weight of the end of the step [1]."""

@@ -7,6 +7,8 @@ ground has one node; a node that touches another part has three, itself and the 
 
 from __future__ import annotations
 
+import numpy as np
+
 from fem_biobot.compile_cache import BORROWS, INNER, KERNEL, ensure_cache_folder
 
 ensure_cache_folder()
@@ -212,6 +214,54 @@ def even_out(foot, n_feet, axes, touch, rows, p):
                     y -= rows[i, 1, 0, 3 + k] * axes[0, k]
                 p[i, 1] = p[i, 0] * (fx / weight - turn * y)
                 p[i, 2] = p[i, 0] * (fy / weight + turn * x)
+
+
+@njit(**INNER, **BORROWS)
+def _used(foot, f, plane, impulse):
+    """Share of the static friction of foot `f` that its impulses (c, 3) use along both tangents; no number without."""
+    normal = 0.0
+    first = 0.0
+    second = 0.0
+    for i in range(foot.shape[0]):
+        if foot[i] == f and impulse[i, 0] > 0.0:
+            mu = plane.static[i]
+            with_first = mu[0] if impulse[i, 1] < 0.0 else mu[1]
+            with_second = mu[2] if impulse[i, 2] < 0.0 else mu[3]
+            if with_first == 0.0 or with_second == 0.0:
+                return np.nan, np.nan
+            normal += impulse[i, 0]
+            first += impulse[i, 1] / with_first
+            second += impulse[i, 2] / with_second
+    if normal == 0.0:
+        return np.nan, np.nan
+    return first / normal, second / normal
+
+
+@njit(**INNER, **BORROWS)
+def gives_way(foot, n_feet, plane, state, work):
+    """Whether a foot that sticks through a converged step is past its static friction at the end of it.
+
+    A step's impulses are those of its middle. What friction is used there and in the step before is carried on by half
+    a step; impulses of a foot are summed, since how its corners share them is not determined. Where static friction is
+    the kinetic one nothing is released, and nothing told. To be called after `settle_contacts`.
+    """
+    for f in range(n_feet):
+        drops = False
+        sticks = True
+        for i in range(foot.shape[0]):
+            if foot[i] == f and work.p[i, 0] > 0.0:
+                sticks = sticks and state.touch[i] == STICK and work.settled[i] == STICK
+                for k in range(4):
+                    drops = drops or plane.kinetic[i, k] < plane.static[i, k]
+        if not (drops and sticks):
+            continue
+        x0, y0 = _used(foot, f, plane, state.impulse)
+        x1, y1 = _used(foot, f, plane, work.p)
+        x = x1 + 0.5 * (x1 - x0)
+        y = y1 + 0.5 * (y1 - y0)
+        if x * x + y * y > 1.0:  # not for no number
+            return True
+    return False
 
 
 @njit(**INNER, **BORROWS)

@@ -4,6 +4,10 @@ Between changes of contact the scheme is of second order, across one of first: t
 leaves, breaks loose or comes to rest is rounded to the step in which that happens. Such a step is undone and made again
 in a few parts, and so are the next ones, in which what the change sets ringing dies out. The error of these times
 shrinks with the part, at the cost of the few steps that are divided.
+
+Impulses are those of the middle of a step. A foot whose static friction is used up in the second half of one still
+sticks in it, and would be released with the next: half a step late, a first-order error that no division takes away.
+What is used at the end is therefore told from this step and the last (`gives_way`), and such a step is divided, too.
 """
 
 from __future__ import annotations
@@ -17,16 +21,16 @@ ensure_cache_folder()
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
 from fem_biobot.friction.kernels import SLIP  # noqa: E402
-from fem_biobot.rod.dynamics.ground.kernels import settle_contacts  # noqa: E402
+from fem_biobot.rod.dynamics.ground.kernels import gives_way, settle_contacts  # noqa: E402
 from fem_biobot.rod.dynamics.inertia.kernels import copy, copy_frames, copy_row  # noqa: E402
 from fem_biobot.rod.dynamics.kernels import CONVERGED  # noqa: E402
 
-_AFTER = 2  # steps after one with a change of contact that are divided, too
+AFTER = 2  # steps after one with a change of contact that are divided, too
 
 
 @njit(**INNER, **BORROWS)
-def _contact_changes(grounded, state, work):
-    """Whether one of the ground's points changes between lifted, stick and slip in the step, or turns its slip."""
+def contact_changes(grounded, system, plane, state, work):
+    """Whether a contact changes between lifted, stick and slip in the step, or turns its slip, or a foot gives way."""
     if grounded == 0:
         return False
     settle_contacts(work)
@@ -35,11 +39,11 @@ def _contact_changes(grounded, state, work):
             return True
         if state.touch[i] == SLIP and (state.slide[i, 0] * work.slid[i, 0] + state.slide[i, 1] * work.slid[i, 1] < 0.0):
             return True
-    return False
+    return gives_way(system.foot, system.touching.shape[0], plane, state, work)
 
 
 @njit(**INNER, **BORROWS)
-def _copy_state(state, to):
+def copy_state(state, to):
     copy(state.x, to.x)
     copy_frames(state.Q, to.Q)
     copy(state.v, to.v)
@@ -54,7 +58,7 @@ def _copy_state(state, to):
 
 
 @njit(**INNER, **BORROWS)
-def _average(table, i, begin, end, theta, out):
+def average(table, i, begin, end, theta, out):
     """Write the average over a part of a step, from `begin` to `end` of it, of a table's rows `i` and `i + 1`."""
     at = begin + theta * (end - begin)
     for k in range(out.shape[0]):
@@ -94,15 +98,15 @@ def implicit_run(
             changes = False
             if count > 1:
                 divided += 1
-                _copy_state(state, work.kept)
+                copy_state(state, work.kept)
                 copy_row(book, work.kept_book)
                 copy(tally, work.kept_tally)
             for part in range(count):
                 # gaps close within the next step: if that is longer, a shorter one would overrun them
                 last = part == count - 1 and (count == 1 or (state.alert[0] == 1 and not changes))
                 close = length if not last else (h if i < steps - 1 else closing)
-                _average(pulls, i, part / count, (part + 1) / count, weight, pull)
-                _average(load_factors, i, part / count, (part + 1) / count, weight, factors)
+                average(pulls, i, part / count, (part + 1) / count, weight, pull)
+                average(load_factors, i, part / count, (part + 1) / count, weight, factors)
                 again = True
                 outcome = CONVERGED
                 residual = 0.0
@@ -118,11 +122,11 @@ def implicit_run(
                     factored = length if outcome == CONVERGED else 0.0
                 if outcome != CONVERGED:
                     if count > 1:
-                        _copy_state(work.kept, state)
+                        copy_state(work.kept, state)
                         copy_row(work.kept_book, book)
                         copy(work.kept_tally, tally)
                     return i, outcome, iterations, factorisations, worst, divided
-                if parts > 1 and _contact_changes(grounded, state, work):
+                if parts > 1 and contact_changes(grounded, system, plane, state, work):
                     changes = True
                     if count == 1:
                         break
@@ -130,6 +134,6 @@ def implicit_run(
                 calls.accept(assembly, system, state, length, weight, factors, work, book, tally)
             made = count > 1 or not changes
             if count > 1:
-                state.alert[0] = _AFTER if changes or not alarmed else state.alert[0] - 1
+                state.alert[0] = AFTER if changes or not alarmed else state.alert[0] - 1
             count = parts
     return steps, CONVERGED, iterations, factorisations, worst, divided

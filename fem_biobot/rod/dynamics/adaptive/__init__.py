@@ -1,0 +1,1 @@
+"""A sequence of implicit steps that adapt to their error and to changes of contact."""

@@ -1,0 +1,211 @@
+"""Steps that adapt: changes of contact located within a step, errors of parts, and runs that go on across a change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fem_biobot.errors import SolveError
+from fem_biobot.friction.kernels import LIFTED, SLIP, STICK
+from fem_biobot.rod.dynamics.adaptive.kernels import AFTER_CHANGE, FINEST, UNSETTLED
+from fem_biobot.rod.dynamics.integrate import Motion, Settings, dynamics
+from fem_biobot.rod.dynamics.run.kernels import AFTER
+from fem_biobot.rod.ground import Ground
+from fem_biobot.rod.records import PointLoad
+from fem_biobot.verification.contact import MASS, G, block
+
+STATIC, KINETIC = 0.5, 0.3
+RISE = 30.0 * G * MASS  # of a force that grows with time [mN/s]
+STEP = 3.7e-3
+GROUND = Ground(STATIC, KINETIC)
+FREE_OF_ERROR = 1.0  # mm, far above the error of any step here: parts are made where contact changes alone
+
+
+def located(parts: int) -> Settings:
+    """Steps divided for nothing but changes of contact, to so many parts."""
+    return Settings(dissipation=0.0, largest_error=FREE_OF_ERROR, parts=parts)
+
+
+def at_end(model: Any, parts: int, ground: Ground = GROUND, **start: Any) -> Motion:
+    """Motion up to the step's multiple next to the end."""
+    begin = replace(model.drawn(), **start)
+    return dynamics(model, 13 * STEP, STEP, ground=ground, start=begin, settings=located(parts))
+
+
+def pulled(x: float, z: float) -> Any:
+    """A block with a force at its centre of mass that grows with time."""
+    push = PointLoad(("block", (0.0, 0.0, 2.5)), force=(RISE * x, 0.0, RISE * z), history=lambda t: t)
+    return block(push)
+
+
+# ---- each change of contact, against closed forms
+
+
+@pytest.mark.parametrize("static", [0.42, 0.47, 0.5, 0.53])
+def test_the_time_at_which_static_friction_gives_way_is_located(static: float) -> None:
+    """A block under a force that grows breaks loose at ``t = mu_s m g / rate`` and is released at once.
+
+    Its speed later is exact for the scheme but for the time of the release, which is found to a part, wherever in a
+    step it lies. Impulses tell the friction in the middle of a step: in the second half of one, 0.5 and 0.53, nothing
+    slips yet. Catches: a release that takes the whole step, one that the middle of the step does not show left to the
+    next step, changes that are not looked for where the step adapts.
+    """
+    end, loose = 13 * STEP, static * G * MASS / RISE
+    exact = RISE / MASS * (end**2 - loose**2) / 2.0 - KINETIC * G * (end - loose)
+    model, errors = pulled(1.0, 0.0), {}
+    for parts in (1, 8, 64):
+        motion = at_end(model, parts, Ground(static, KINETIC))
+        errors[parts] = abs(float(motion.v[-1, 0, 0]) - exact) / ((static - KINETIC) * G)
+        assert (motion.touch[motion.times < loose - STEP] == STICK).all()
+        assert (motion.touch[-1] == SLIP).all()
+    assert errors[1] > STEP / 8
+    assert errors[8] < STEP / 8
+    assert errors[64] < STEP / 64
+
+
+@pytest.mark.parametrize("static", [0.42, 0.47, 0.5, 0.53])
+def test_steps_of_one_length_release_within_a_part(static: float) -> None:
+    """The same with steps divided into four, and into one: within a part, and for one within a step.
+
+    Catches: a foot that gives way in the second half of a step and is held to its end.
+    """
+    end, loose = 13 * STEP, static * G * MASS / RISE
+    exact = RISE / MASS * (end**2 - loose**2) / 2.0 - KINETIC * G * (end - loose)
+    for parts in (1, 4, 16):
+        settings = Settings(dissipation=0.0, parts=parts)
+        motion = dynamics(pulled(1.0, 0.0), end, STEP, ground=Ground(static, KINETIC), settings=settings)
+        late = abs(float(motion.v[-1, 0, 0]) - exact) / ((static - KINETIC) * G)
+        assert late < STEP / parts
+
+
+def test_a_foot_gives_way_where_both_directions_together_do() -> None:
+    """Pushed backward with 0.4 of its weight against 0.6, a block is pulled aside against 0.4 with a growing force.
+
+    Loose at ``0.4 m g sqrt(1 - (0.4 / 0.6)^2) / rate``, in the second half of a step. Catches: directions taken one by
+    one, coefficients exchanged.
+    """
+    push = PointLoad(("block", (0.0, 0.0, 2.5)), force=(-0.4 * G * MASS, 0.0, 0.0))
+    pull = PointLoad(("block", (0.0, 0.0, 2.5)), force=(0.0, RISE, 0.0), history=lambda t: t)
+    ground = Ground(0.4, 0.36, reverse_static_friction=0.6, reverse_kinetic_friction=0.54)
+    loose = 0.4 * np.sqrt(1.0 - (0.4 / 0.6) ** 2) * G * MASS / RISE
+    step = loose / 3.8
+    settings = Settings(dissipation=0.0, largest_error=FREE_OF_ERROR, parts=64)
+    motion = dynamics(block(push, pull), 4 * step, step, ground=ground, settings=settings)
+    assert motion.slip_share[4] * step == pytest.approx(np.full(4, 4 * step - loose), abs=step / 64)
+
+
+def test_the_time_at_which_a_slide_ends_is_located() -> None:
+    """A thrown block stops after ``v^2 / (2 mu g)``; the part in which it does is of first order.
+
+    Catches: a stop rounded to the step, a block that slips back.
+    """
+    speed = 97.0
+    exact = speed**2 / (2.0 * KINETIC * G)
+    errors = {}
+    for parts in (1, 8, 64):
+        motion = at_end(block(), parts, v=np.array([[speed, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+        errors[parts] = abs(float(motion.x[-1, 0, 0]) - exact)
+        assert errors[parts] <= 0.5 * KINETIC * G * (STEP / parts) ** 2 + 1e-9
+        assert (motion.touch[-1] == STICK).all()
+    assert errors[64] < errors[1] / 64.0
+
+
+def test_the_time_of_a_landing_is_located() -> None:
+    """A block that lands in motion loses ``mu v`` of its speed along the ground at once and then slides.
+
+    A landing one part early or late gives its friction that part. Catches: a landing rounded to the step, an impact
+    divided for ever.
+    """
+    height, speed = 1.7, 290.0
+    down = float(np.sqrt(2.0 * G * height))
+    falls, end = down / G, 13 * STEP
+    after = speed - KINETIC * down
+    exact = speed * falls + after * (end - falls) - 0.5 * KINETIC * G * (end - falls) ** 2
+    ground = Ground(KINETIC, KINETIC, height=-height)
+    errors = {}
+    for parts in (1, 8, 64):
+        motion = at_end(block(), parts, ground, v=np.array([[speed, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+        errors[parts] = abs(float(motion.x[-1, 0, 0]) - exact)
+        # gaps close within a few parts, so does the impulse
+        assert errors[parts] <= 2.0 * KINETIC * down * STEP / parts
+        assert motion.x[:, 0, 2].min() >= 2.5 - height - 1e-10
+    assert errors[64] < errors[1] / 8.0
+
+
+def test_the_time_at_which_a_body_leaves_the_ground_is_located() -> None:
+    """Lifted by a force that grows it leaves at the time of its weight, ``g / rate``, and rises with the third power.
+
+    A force averaged over the step in which that happens is wrong by the rate and the step's square over eight.
+    Catches: a body that leaves with the step, adhesion until its end.
+    """
+    leaves, end = G * MASS / RISE, 13 * STEP
+    since = end - leaves
+    exact = RISE * since**3 / (6.0 * MASS)
+    errors = {}
+    for parts in (1, 64):
+        motion = at_end(pulled(0.0, 1.0), parts)
+        errors[parts] = abs(float(motion.x[-1, 0, 2]) - 2.5 - exact)
+        assert (motion.touch[-1] == LIFTED).all()
+    # after it smooth parts of the whole length alone are to blame, exact to the step's square
+    assert errors[1] <= RISE / MASS * STEP**2 * since / 4.0
+    assert errors[64] < 0.9 * errors[1]
+
+
+# ---- what a state carries from part to part
+
+
+def test_a_run_goes_on_across_a_change_to_the_last_bit() -> None:
+    """Stopped after any step about the release, where parts are short, it repeats the whole run.
+
+    Catches: a length of parts, or a count of those since the change, that a checkpoint does not keep.
+    """
+    model = pulled(1.0, 0.0)
+    settings = Settings(largest_error=1e-6)
+    whole = dynamics(model, 13 * STEP, STEP, ground=GROUND, settings=settings)
+    seen = []
+    for steps in range(3, 10):
+        first = dynamics(model, steps * STEP, STEP, ground=GROUND, settings=settings)
+        rest = dynamics(model, (13 - steps) * STEP, STEP, ground=GROUND, start=first.final, settings=settings)
+        for name in ("x", "v", "touch", "book"):
+            assert np.array_equal(getattr(whole, name)[steps:], getattr(rest, name))
+        seen.append(int(first.final.state.alert[0]))
+    assert max(seen) % UNSETTLED > 0
+
+
+def test_a_start_is_made_in_short_parts_that_grow() -> None:
+    """Nothing is known of a start's accelerations; at rest all steps but the first few are whole.
+
+    Catches: an error told from accelerations that are none, parts that do not grow.
+    """
+    motion = dynamics(block(), 20e-3, 1e-3, ground=GROUND, settings=Settings(largest_error=1e-7))
+    assert 1 <= motion.divided <= 2
+    assert motion.halved == 0
+    assert motion.final.state.alert[0] == 0
+    assert AFTER_CHANGE < FINEST
+
+
+def test_steps_of_one_length_do_not_take_a_level_for_a_count() -> None:
+    """A run with whole steps from where parts were short divides no more steps than after a change.
+
+    Catches: the level of an adaptive run taken for the number of steps still to be divided.
+    """
+    settings = Settings(largest_error=1e-6)
+    short = dynamics(pulled(1.0, 0.0), 5 * STEP, STEP, ground=GROUND, settings=settings)
+    assert short.final.state.alert[0] > AFTER
+    on = dynamics(pulled(1.0, 0.0), 20 * STEP, STEP, ground=GROUND, start=short.final)
+    assert on.divided <= AFTER
+
+
+def test_parts_that_fail_at_the_shortest_length_end_the_run() -> None:
+    """A moment that winds a block up beyond all numbers: what was reached is there, and the step's own length told.
+
+    Catches: a failure taken for an error of the parts, an endless run.
+    """
+    twist = PointLoad(("block", (0.0, 0.0, 2.5)), moment=(0.0, 1.0, 0.0), history=lambda t: np.exp(9e3 * t))
+    with pytest.raises(SolveError, match=f"a step of {1e-3 / 2**FINEST:.3g} s fails") as error:
+        dynamics(block(twist), 0.1, 1e-3, ground=None, settings=Settings(largest_error=1e-3))
+    assert error.value.best.times[-1] == error.value.best.final.time < 0.1
+    assert np.isfinite(error.value.best.x).all()

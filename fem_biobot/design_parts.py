@@ -345,6 +345,9 @@ class Numerics(Record, frozen=True):
     """Settings of the solvers."""
 
     step: PositiveTime = Field(default=1e-3, description="Time step of the dynamics [s]")
+    largest_error: Annotated[float | None, Quantity("mm", 0.0, low_open=True)] = Field(
+        default=None, description="Error that rods allow a step, made in parts that keep to it; left out, any [mm]"
+    )
     damping_time: NonNegativeTime = Field(
         default=1e-4, description="Kelvin-Voigt time of gel and tissue: stress per rate over stress per strain [s]"
     )

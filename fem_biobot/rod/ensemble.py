@@ -23,7 +23,7 @@ from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import Stance, stance
-from fem_biobot.rod.walk import walk
+from fem_biobot.rod.walk import settings_of, walk
 
 Array = NDArray[np.float64]
 
@@ -182,6 +182,7 @@ def walk_ensemble(
             "frequency": machine.drive.frequency,
             "duration": machine.drive.duration,
             "step": machine.numerics.step,
+            "settings": settings_of(machine),
         }
         given |= {"amplitude": machine.drive.amplitude, "waveform": machine.drive}
         keywords = given | keywords

@@ -65,7 +65,7 @@ def walk(
     sample_every
         Steps between samples; by default as many as leave 100 samples to a stroke.
     settings
-        Of the integrator.
+        Of the integrator; by default the design's largest error of a step, if it has one.
     start
         By default the machine first takes its standing shape and settles (`stance`); a published walker that starts as
         published begins as drawn. A `Stance` of the same model saves
@@ -99,6 +99,7 @@ def walk(
     duration = _first(duration, given.duration if given else 5.0)
     amplitude = _first(amplitude, given.amplitude if given else 1.0)
     step = _first(step, design.numerics.step if design else 1e-3)
+    settings = settings or settings_of(design)
     _check_times(frequency, duration, amplitude, step)
     if isinstance(machine, Design):
         model = reduce(machine, beam_elements=beam_elements, plate_factor=plate_factor)
@@ -157,6 +158,11 @@ def walk(
         if fallen is not None:
             break
     return made()
+
+
+def settings_of(design: Design | None) -> Settings:
+    """Of the integrator, as a design asks for."""
+    return Settings(largest_error=design.numerics.largest_error if design else None)
 
 
 def _driven(waveform: str | Drive | None, given: Drive | None, frequency: float, amplitude: float) -> DriveFunction:

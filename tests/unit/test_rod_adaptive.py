@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fem_biobot.errors import SolveError
+from fem_biobot.config import load_design
+from fem_biobot.errors import DesignError, SolveError
 from fem_biobot.friction.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.adaptive.kernels import AFTER_CHANGE, FINEST, UNSETTLED
 from fem_biobot.rod.dynamics.integrate import Motion, Settings, dynamics
 from fem_biobot.rod.dynamics.run.kernels import AFTER
+from fem_biobot.rod.ensemble import walk_ensemble
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.records import PointLoad
+from fem_biobot.rod.walk import walk
 from fem_biobot.verification.contact import MASS, G, block
 
 STATIC, KINETIC = 0.5, 0.3
@@ -209,3 +212,23 @@ def test_parts_that_fail_at_the_shortest_length_end_the_run() -> None:
         dynamics(block(twist), 0.1, 1e-3, ground=None, settings=Settings(largest_error=1e-3))
     assert error.value.best.times[-1] == error.value.best.final.time < 0.1
     assert np.isfinite(error.value.best.x).all()
+
+
+# ---- from a design
+
+
+def test_a_design_may_ask_for_an_error() -> None:
+    """``numerics.largest_error`` is that of the settings, in a walk and in an ensemble; none by default.
+
+    Catches: a key without effect, or that ensembles forget.
+    """
+    design = load_design("junction_bot", ["numerics.largest_error = 0.02 um"])
+    given = {"duration": 0.012, "beam_elements": 4, "frequency": 100.0}
+    asked = walk(design, **given).motion
+    told = walk(load_design("junction_bot"), settings=Settings(largest_error=2e-5), **given).motion
+    plain = walk(load_design("junction_bot"), **given).motion
+    assert np.array_equal(asked.x, told.x)
+    assert asked.divided > plain.divided
+    assert walk_ensemble(design, starts=1, **given).walks[0].motion.iterations > plain.iterations
+    with pytest.raises(DesignError, match=r"numerics\.largest_error"):
+        load_design("junction_bot", ["numerics.largest_error = 0 mm"])

@@ -31,13 +31,13 @@ from fem_biobot.design import Design
 from fem_biobot.files import replacing
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.geometry import CORNER_SHARE, build_mesh
-from fem_biobot.muscle.fibres import in_junction
 from fem_biobot.progress import show_tables
 from fem_biobot.solid.from_design import tension_step, tension_unit
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidState, solve
 from fem_biobot.solid.stress import cauchy_stress, von_mises
 from fem_biobot.study.compare import error_estimate
+from fem_biobot.study.convergence import energy_parts
 from fem_biobot.study.outputs import write_table
 from fem_biobot.study.plan import Solver, Wanted
 from fem_biobot.study.reporter import Silent
@@ -266,7 +266,7 @@ def quadratures(design: Design, solver: Solver, size: float) -> list[Row]:
     for degree in (2, 5):
         model = replace(solver.moulded, quadrature_degree=degree)
         state = solve(model, path).last
-        found.append((Measurer(design, model).measures(state), _energies(design, state)))
+        found.append((Measurer(design, model).measures(state), energy_parts(design, state)))
     (two, parts_two), (five, parts_five) = found
     names = (
         "tip_closing_mm",
@@ -277,24 +277,11 @@ def quadratures(design: Design, solver: Solver, size: float) -> list[Row]:
         "strain_energy_uJ",
     )
     pairs = [(name, two[name], five[name]) for name in names]
-    pairs += [(f"strain_energy_{part}_uJ", parts_two[part], parts_five[part]) for part in parts_two]
+    pairs += [(part, parts_two[part], parts_five[part]) for part in parts_two]
     return [
         {"size_mm": size, "quantity": name, "degree_2": a, "degree_5": b, "difference_1": a / b - 1.0}
         for name, a, b in pairs
     ]
-
-
-def _energies(design: Design, state: SolidState) -> dict[str, float]:
-    """Passive energy by part of the machine [uJ]."""
-    system, mesh = state.model.system, state.model.mesh
-    energy = np.sum(system.points(state.F, 0.0).psi * system.space.dV, axis=1)
-    muscle = mesh.regions["muscle"]
-    junction = in_junction(design, mesh.points[:, mesh.cells[:, muscle]].mean(axis=1))
-    return {
-        "skeleton": float(energy[mesh.regions["skeleton"]].sum()),
-        "junction": float(energy[muscle[junction]].sum()),
-        "rings": float(energy[muscle[~junction]].sum()),
-    }
 
 
 # --- expect -----------------------------------------------------------------------------------------------------------
@@ -369,19 +356,26 @@ mm with 458 982 unknowns (5.5 GB, nine minutes). Numbers in brackets are with it
   [22.4] and, with the corner's elements alone, 16.4, 16.5, 20.6, 28.0 kPa: at last like h to the power -0.44 (theory
   -0.456). The highest value anywhere sits in the muscle at the ring's corners, where the fibres turn about an edge,
   and grows from 15.9 to 31.0 [35.0] kPa. Neither is a result.
-* At full drive (10.39 kPa; tried once, not in the tables) the preset's mesh gives 3.683 mm and 4.405 mN. Refined for
-  the closing (`study convergence --refine`), 94 341 unknowns give 3.702 mm and 4.397 mN; over its estimated errors,
-  0.66 and 0.42 %, the closing goes to 3.735 mm: the preset's mesh is 1.4 % off, the force about 0.4 %. Of the
-  estimated error 45 % sits within 0.6 mm of the re-entrant corners, 12 % in the beam's span, 35 % in the rings' inner
-  legs, most of it at the edges by which the junction enters them, where the fibres turn; none in the middle of the
-  junction with 13 % of the elements.
-* Graded by hand (`mesh.grading`: 0.11 mm about these edges, 0.22 in the legs, 0.18 at the corners, 0.6 in the span,
-  0.4 in the junction) 94 998 unknowns give 3.702 mm and 4.400 mN. All of it 1.4 times as coarse, 56 598 give 3.693 and
-  4.403, nearer than the preset's mesh with fewer unknowns; 1.96 times, 34 716 give 3.677 and 4.412. The general size
-  alone, at 0.64 mm, gives 3.688 with 110 802. A closing within 1 % asks for about 80 000 unknowns so graded. Three such
-  meshes do not prove it: their changes fall like the fourth power of the mean element size, faster than what is left.
-  With 0.06 mm at those edges among large elements, or in a second round of refinement, no equilibrium is found above
-  nine tenths of full drive: an element at the edge folds.
+* At full drive (10.39 kPa; tried once, not in the tables) the preset's mesh gives 3.683 mm and 4.405 mN. Where its
+  error sits, by halving one zone after the other of a graded mesh of 51 045 unknowns (3.6965 mm): the edges by which
+  the junction enters the rings, where the fibres turn, from 0.10 to 0.05 mm add 0.0091 mm, the re-entrant corners from
+  0.18 to 0.09 mm 0.0051 mm, the beam's span 0.0040, the rings' legs beside the junction 0.0039, the rings 0.0024. At
+  first order as much again is left: a limit of 3.745 mm. Three even meshes (2.3, 1.44 and 0.9 mm) give 3.750 mm at the
+  order 1.2 that they show, meshes refined for the closing (`study convergence --refine`) 3.735 mm over their estimated
+  errors, of which they see a third to a half: 3.745 mm, give or take 0.01. The preset's mesh is 1.7 % off, and the
+  force 0.6 %: it still falls, to 4.384 mN with 203 568 unknowns, where the closing is 3.718 mm.
+* Graded by hand (`mesh.grading`), with elements half again as long along y, as all these edges and the beam's bending
+  are: at 3.58, 2.24, 1.4, 1.15 and 0.9 mm 19 368, 29 478, 51 762, 68 106 and 101 526 unknowns give 3.665, 3.677, 3.696,
+  3.703 and 3.710 mm, 4.417, 4.405, 4.397, 4.393 and 4.390 mN. With elements as long as wide such meshes took 56 598
+  unknowns for 3.693 mm and 94 998 for 3.702; made longer, the preset's loses 0.004 mm and a quarter of its unknowns.
+  The way to full drive takes 22 iterations with 51 762 unknowns, 15 with the preset's, and as long (8 s).
+* The changes of this sequence, 0.013, 0.019, 0.007 and 0.007 mm, do not shrink with one order: the edges and corners
+  come into their own one after the other. No error bar of 1 % can be read off meshes up to 100 000 unknowns.
+* What is refined at those edges folds sooner. With 0.09 mm there no equilibrium is stable above 14.2 kPa, and the way
+  to 14 kPa takes 54 iterations; with 0.126 mm (1.4 mm) it takes 26, in the preset's mesh 17, and 18 kPa are reached.
+* The strain energy, 12.44, 12.47 and 12.83 uJ on even meshes of 2.3, 1.44 and 0.9 mm, has no order: that of the rings
+  goes from 2.9 to 3.2 uJ and back with the mesh, nearly half of it within 0.4 mm of the edges of the pillars, which
+  elements of 0.6 mm do not resolve. The skeleton's stays between 5.49 and 5.55 uJ beyond 35 000 unknowns.
 * Four quadrature points against fourteen on the preset's mesh: closing and force differ by 0.10 and 0.09 %, stretch
   by 0.01 %, the ball's mean by 0.03 %: three digits, not four, and a tenth of the mesh's own error. The strain energy
   differs by 1.1 %, all of it in the rings (4.3 % there), at their corners.

@@ -19,7 +19,11 @@ from fem_biobot.errors import MeshError
 from fem_biobot.files import file_error, write_json, write_text
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.geometry import GmshMissing, build_mesh, gmsh_advice
+from fem_biobot.mesh.layout import layout
 from fem_biobot.mesh.tagged import mesh_text, read_mesh
+
+# what a sidecar says of how its mesh was made
+_MADE = ("generator", "gmsh_version", "size_mm", "grading")
 
 
 def mesh_folder() -> Path | None:
@@ -59,13 +63,14 @@ def mesh_for(design: Design, size: float | None = None) -> tuple[BodyMesh, list[
         asked = design.mesh.size if size is None else size
         note = (
             f"Gmsh cannot start ({missing.library} is missing): the committed mesh {mesh.source['file']} of size "
-            f"{mesh.source['size_mm']:g} mm was used for the size {asked:g} mm asked for; {advice}"
+            f"{mesh.source['size_mm']:g} mm, grading {mesh.source['grading']}, was used for the size {asked:g} mm, "
+            f"grading {layout(design).grading}, asked for; {advice}"
         )
         return mesh, [note]
 
 
 def committed_mesh(design: Design, size: float | None = None, *, folder: Path | None = None) -> BodyMesh | None:
-    """The committed mesh of a design's geometry whose size is nearest, or None if there is none.
+    """The committed mesh of a design's geometry whose size is nearest, however graded, or None if there is none.
 
     Raises
     ------
@@ -93,7 +98,7 @@ def committed_mesh(design: Design, size: float | None = None, *, folder: Path | 
     if hashlib.sha256(content).hexdigest() != about["sha256"]:
         raise MeshError(f"{file}: the file is not the one that its sidecar {path.name} describes")
     mesh = read_mesh(file, design=design)
-    source = {key: about[key] for key in ("generator", "gmsh_version", "size_mm")}
+    source = {key: about[key] for key in _MADE}
     parts = mesh.points, mesh.cells, mesh.regions, mesh.surfaces, mesh.landmarks
     return BodyMesh(*parts, {"file": file.name, "committed": True, **source})
 
@@ -125,7 +130,7 @@ def sidecar(design: Design, mesh: BodyMesh, text: str) -> dict[str, Any]:
         "kind": design.kind,
         "geometry_digest": geometry_digest(design),
         "parameters": {name: value for name, value in lengths.items() if value is not None},
-        **{key: mesh.source[key] for key in ("generator", "gmsh_version", "size_mm")},
+        **{key: mesh.source[key] for key in _MADE},
         "counts": counts,
         "volumes_mm3": mesh.region_volumes(),
         "quality": asdict(mesh.quality()),
@@ -136,7 +141,7 @@ def sidecar(design: Design, mesh: BodyMesh, text: str) -> dict[str, Any]:
 def _sidecar(path: Path) -> dict[str, Any]:
     try:
         about = json.loads(path.read_text(encoding="utf-8"))
-        missing = {"geometry_digest", "sha256", "size_mm", "generator", "gmsh_version"} - set(about)
+        missing = {"geometry_digest", "sha256", *_MADE} - set(about)
         if missing or not about["size_mm"] > 0:
             raise ValueError(f"expected {', '.join(sorted(missing)) or 'a positive size'}")
     except OSError as error:

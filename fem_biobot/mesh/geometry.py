@@ -24,7 +24,7 @@ from fem_biobot.design_checks import refuse_without_solid
 from fem_biobot.errors import MeshError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.facets import facets
-from fem_biobot.mesh.layout import Layout, layout
+from fem_biobot.mesh.layout import Layout, layout, shortened
 from fem_biobot.mesh.measured import muscle_lengths, skeleton_lengths
 from fem_biobot.mesh.naming import named_landmarks, named_surfaces, require
 from fem_biobot.mesh.sizes import CORNER_SHARE, SizeField, set_sizes, take_sizes
@@ -163,7 +163,7 @@ def meshed(
     h = float(size)
     if not (np.isfinite(h) and h > 0):
         raise MeshError(f"mesh size must be a positive length, found {h:g} mm")
-    # a mesh has four to thirty times the elements of even tetrahedra of this size
+    # a mesh has four to thirty times the elements of even tetrahedra of this size, one graded for the closing up to 200
     estimate = 30 * sum(plan.volumes.values()) / h**3 if sizes is None else sizes.n_elements
     if estimate > MOST_ELEMENTS:
         raise MeshError(f"mesh size {h:g} mm would give about {estimate:.0e} elements; expected a larger size")
@@ -182,7 +182,7 @@ def meshed(
     landmarks = named_landmarks(plan.landmarks, points)
     require("surface", plan.faces, surfaces)
     require("landmark", plan.landmarks, landmarks)
-    source = {"generator": "gmsh", "gmsh_version": version, "size_mm": h}
+    source = {"generator": "gmsh", "gmsh_version": version, "size_mm": h, "grading": plan.grading}
     return BodyMesh(points, cells, regions, surfaces, landmarks, source)
 
 
@@ -244,6 +244,11 @@ def tetrahedra(
         A given part does not fit; Gmsh fails.
     """
     gmsh = import_gmsh()
+    # a person's parts are meshed as they are
+    longer = plan.lengthened if given.skeleton is None else 1.0
+    if longer != 1.0:
+        plan = shortened(plan, longer)
+        sizes = sizes and sizes.shortened(longer)
     with _LOCK, _session(gmsh):
         try:
             parts = solids(gmsh.model.occ, plan, given, _names(gmsh.model))
@@ -255,7 +260,9 @@ def tetrahedra(
             gmsh.model.mesh.generate(3)
             for method in ("Relocate3D", ""):
                 gmsh.model.mesh.optimize(method)
-            return _arrays(gmsh.model.mesh, parts)
+            points, cells, regions = _arrays(gmsh.model.mesh, parts)
+            points[1] *= longer
+            return points, cells, regions
         except MeshError:
             raise
         except Exception as error:  # Gmsh raises bare Exception

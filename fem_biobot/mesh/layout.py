@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 from fem_biobot.design import Design
 
 Point = tuple[float, float, float]
+
+# of elements along y to those across, in meshes for the closing: beam, junction and the edges at which their errors
+# arise run along y, and what happens there changes little along it
+ALONG_EDGES = 1.5
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ class Layout:
     beam_cuts
         The same for the beam, so that landmarks inside it lie on facets.
     for_closing
-        Whether a mesh is to be finer where the tips' closing is decided.
+        Whether a mesh is to be finer where the tips' closing is decided, with elements that are longer along y.
     """
 
     beam: Box | None
@@ -95,6 +99,40 @@ class Layout:
     cuts: tuple[float, ...] = ()
     beam_cuts: tuple[float, ...] = ()
     for_closing: bool = False
+
+    @property
+    def grading(self) -> str:
+        """What `mesh.grading` comes to for this body: a strip and a cantilever are even."""
+        return "closing" if self.for_closing else "even"
+
+    @property
+    def lengthened(self) -> float:
+        """How much longer the elements of its meshes are along y [1]."""
+        return ALONG_EDGES if self.for_closing else 1.0
+
+
+def shortened(plan: Layout, factor: float) -> Layout:
+    """A layout whose lengths along y are divided by `factor`: what is meshed evenly there has longer elements here."""
+
+    def point(p: Point) -> Point:
+        return p[0], p[1] / factor, p[2]
+
+    def box(b: Box) -> Box:
+        return Box(point(b.low), point(b.high))
+
+    return replace(
+        plan,
+        beam=plan.beam and box(plan.beam),
+        pillars=tuple(box(b) for b in plan.pillars),
+        muscle=tuple(box(b) for b in plan.muscle),
+        holes=tuple(box(b) for b in plan.holes),
+        thin=tuple(box(b) for b in plan.thin),
+        corner_lines=tuple((point(start), point(end), sign) for start, end, sign in plan.corner_lines),
+        landmarks={name: point(p) for name, p in plan.landmarks.items()},
+        faces={},
+        volumes={name: volume / factor for name, volume in plan.volumes.items()},
+        volume_slack={name: slack / factor for name, slack in plan.volume_slack.items()},
+    )
 
 
 def layout(design: Design) -> Layout:

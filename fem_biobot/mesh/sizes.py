@@ -27,16 +27,16 @@ CORNER_SHARE = 0.4
 # the middle of a corner line, where the stress is averaged in a ball, within this share of the beam's thickness
 CORNER_MIDDLE_SHARE = 0.2
 CORNER_MIDDLE_REACH = 0.4
-# The same of meshes for the closing, found by hand beside what `study.adaptive` asks for: the junction's middle has no
-# share in its error, the beam's span and corners have, and most of all the edges by which a junction enters the
-# rings. Finer there, an element may fold before full drive.
-CLOSING_JUNCTION_ACROSS = 1.32
-CLOSING_CORNER_SHARE, CLOSING_SPAN_SHARE = 0.2, 0.667
-ENTRY_SHARE, LEG_SHARE = 0.122, 0.245
+# The same of meshes for the closing, found by halving one after the other and asking what that gives for its unknowns:
+# the junction's middle has no share in the closing's error, the beam's span and corners have, and most of all the
+# edges by which a junction enters the rings.
+CLOSING_JUNCTION_ACROSS = 1.2
+CLOSING_CORNER_SHARE, CLOSING_SPAN_SHARE = 0.112, 0.45
+ENTRY_SHARE, LEG_SHARE = 0.09, 0.24
 # of a ring's thickness: how far about the edges; of a junction's half width: how far along the ring's leg
-ENTRY_REACH, LEG_REACH = 0.3, 1.8
+ENTRY_REACH, LEG_REACH = 0.15, 1.8
 # how fast elements grow with the distance from a refined part
-GROWTH = 0.45
+GROWTH, CLOSING_GROWTH = 0.45, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +61,17 @@ class SizeField:
         volumes = np.abs(signed_volumes(self.points, self.cells))
         return float(np.sum(volumes * 6.0 * np.sqrt(2.0) / self.values[self.cells].mean(axis=0) ** 3))
 
+    def shortened(self, factor: float) -> SizeField:
+        """The same elements, in number, on a body whose lengths along y are divided by `factor`."""
+        divided = np.array([1.0, factor, 1.0])[:, None]
+        return SizeField(self.points / divided, self.cells, self.values / factor ** (1.0 / 3.0))
+
 
 def set_sizes(field: Any, plan: Layout, h: float, corner_share: float) -> None:
     """Element size: `h` in general, finer in thin muscle, rings and re-entrant corners, growing smoothly away."""
-    zones = list(_zones(plan, h, corner_share))
+    growth = CLOSING_GROWTH if plan.for_closing else GROWTH
     tags = []
-    for box, inside in zones:
+    for box, inside in _zones(plan, h, corner_share):
         if inside >= h:
             continue
         tag = field.add("Box")
@@ -76,7 +81,7 @@ def set_sizes(field: Any, plan: Layout, h: float, corner_share: float) -> None:
             field.setNumber(tag, key, value)
         field.setNumber(tag, "VIn", inside)
         field.setNumber(tag, "VOut", h)
-        field.setNumber(tag, "Thickness", (h - inside) / GROWTH)
+        field.setNumber(tag, "Thickness", (h - inside) / growth)
         tags.append(tag)
     everywhere = field.add("MathEval")
     field.setString(everywhere, "F", repr(h))

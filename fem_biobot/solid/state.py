@@ -110,8 +110,13 @@ class SolidState:
     @cached_property
     def energy(self) -> float:
         """Passive strain energy of the whole body [uJ]; the muscle's work is a separate number."""
+        return float(np.sum(self.element_energy))
+
+    @cached_property
+    def element_energy(self) -> Array:
+        """Passive strain energy of each element, (e,) [uJ]."""
         passive = self.model.system.points(self.F, 0.0, self.pressure, moduli=False)
-        return float(np.sum(passive.psi * self.model.system.space.dV))
+        return np.sum(passive.psi * self.model.system.space.dV, axis=1)
 
     def reaction(self, where: str | tuple[float, float, float]) -> Array:
         """Force that the support at a named surface, landmark or vertex exerts on the body, (3,) [mN]."""

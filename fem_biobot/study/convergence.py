@@ -17,6 +17,7 @@ from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.geometry import GmshMissing, build_mesh
 from fem_biobot.mesh.layout import Point, layout
 from fem_biobot.mesh.sizes import CORNER_SHARE
+from fem_biobot.muscle.blocks import in_junction
 from fem_biobot.solid.from_design import tension_step
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidState, solve
@@ -37,12 +38,18 @@ _QUANTITIES = {
     "tip_deflection_mm": "tip deflection",
     "fibre_stretch_1": "fibre stretch",
     "strain_energy_uJ": "strain energy",
+    "skeleton_energy_uJ": "strain energy, skeleton",
+    "junction_energy_uJ": "strain energy, junctions",
+    "ring_energy_uJ": "strain energy, rings",
     "ball_von_mises_kPa": "von Mises, ball about the corner",
     "max_von_mises_kPa": "von Mises, highest point",
     "fillet_von_mises_kPa": "von Mises, peak in a fillet",
 }
 # radius of the fillets that stand in for sharp corners, over the beam's thickness
 _FILLET = 0.3
+# of all that depends on the whole solution, once elements at a re-entrant right angle are small: twice the exponent of
+# its displacements (Williams 1952)
+CORNER_ORDER = 2 * 0.5445
 # places along a fillet's arc, and points across a ball about each
 _ALONG, _ACROSS = 9, 10
 
@@ -134,7 +141,8 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
             except SolveError as failure:
                 notes.append(f"{element} at {size:g} mm: left out: {failure}")
             reporter.advance(f"{element} at {size:g} mm")
-    limits = _limits(rows, plan)
+    # edges at which gel and tissue turn inwards, or meet, are in every bot, with fillets, too
+    limits = _limits(rows, plan, CORNER_ORDER if design.kind == "bot" else math.inf)
     if not limits:
         raise SolveError("convergence: found no element with a state on three meshes, expected one")
     refined = refined_finding(design, plan.rounds, sizes[0], rows, figures, reporter) if plan.rounds else None
@@ -142,6 +150,7 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
         radius = rounded.value("skeleton.fillet_radius")
         notes.append(f"the peak in a fillet is that of the design with fillets of {radius:.3g} mm at its corners")
     remarks = [f"{element}, {_QUANTITIES[name]}: {_told(found)}" for (element, name), found in limits.items()]
+    remarks += [told for element in plan.elements for told in _energy_told(rows, limits, element)]
     return Finding(
         {
             "wanted_error_1": plan.wanted,
@@ -200,13 +209,29 @@ def along_arc(line: tuple[Point, Point, float], radius: float) -> list[np.ndarra
     ]
 
 
+def energy_parts(design: Design, state: SolidState) -> dict[str, float]:
+    """Passive strain energy of a bot's skeleton, of its junctions or strands, and of what holds these [uJ].
+
+    The rings are squeezed onto the edges of their pillars, about which their fibres turn: where a mesh is too coarse
+    for that, their energy goes up and down with it, and that of the whole machine with theirs.
+    """
+    mesh, energy = state.model.mesh, state.element_energy
+    muscle = mesh.regions["muscle"]
+    inside = in_junction(design, mesh.points[:, mesh.cells[:, muscle]].mean(axis=1))
+    return {
+        "skeleton_energy_uJ": float(energy[mesh.regions["skeleton"]].sum()),
+        "junction_energy_uJ": float(energy[muscle[inside]].sum()),
+        "ring_energy_uJ": float(energy[muscle[~inside]].sum()),
+    }
+
+
 def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dict[str, object], SolidState]:
     """Measures of the state on one mesh with one element, and the state."""
     whole = SolidModel.from_design(design, mesh)
     model = SolidModel(mesh, whole.materials, whole.active, whole.supports, whole.loads, element=element)
     tension = design.tension(design.drive.amplitude) if design.muscle is not None else 0.0
     state = solve(model, [tension_step(design, tension)]).last
-    found = Measurer(design, model).measures(state)
+    found = Measurer(design, model).measures(state) | (energy_parts(design, state) if design.kind == "bot" else {})
     mean = float((mesh.volumes.sum() / mesh.n_elements) ** (1.0 / 3.0))
     row: dict[str, object] = {
         "element": element,
@@ -218,7 +243,7 @@ def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dic
     return row | {name: found[name] for name in _QUANTITIES if found.get(name) is not None}, state
 
 
-def _limits(rows: Sequence[dict[str, object]], plan: ConvergencePlan) -> dict[tuple[str, str], Limit]:
+def _limits(rows: Sequence[dict[str, object]], plan: ConvergencePlan, most: float) -> dict[tuple[str, str], Limit]:
     """The limit of every quantity that has values on three meshes, by element and name."""
     limits = {}
     for element in plan.elements:
@@ -229,7 +254,7 @@ def _limits(rows: Sequence[dict[str, object]], plan: ConvergencePlan) -> dict[tu
             kept = [r for i, r in enumerate(having) if not i or r["size_mm"] != having[i - 1]["size_mm"]]
             if len(kept) >= 3:
                 sizes, values = ([float(str(row[key])) for row in kept] for key in ("size_mm", name))
-                limits[element, name] = limit(sizes, values, plan.wanted)
+                limits[element, name] = limit(sizes, values, plan.wanted, most)
     return limits
 
 
@@ -246,6 +271,21 @@ def _told(found: Limit) -> str:
     if found.verdict is Verdict.converging:
         return f"converging: {text}; elements of {found.size:.2g} mm in the mean for what was asked"
     return f"converged: {text}"
+
+
+def _energy_told(rows: Sequence[dict[str, object]], limits: dict[tuple[str, str], Limit], element: str) -> list[str]:
+    """Whose energy the rest of the change is, where the machine's has not converged."""
+    whole = limits.get((element, "strain_energy_uJ"))
+    if whole is None or whole.verdict is Verdict.converged or (element, "ring_energy_uJ") not in limits:
+        return []
+    own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
+    energy, rings = (np.array([row[name] for row in own[-2:]]) for name in ("strain_energy_uJ", "ring_energy_uJ"))
+    change, without = (100.0 * abs(float(e[1] / e[0]) - 1.0) for e in (energy, energy - rings))
+    return [
+        f"{element}, strain energy: {rings[1]:.3g} of {energy[1]:.4g} uJ are the rings', which are squeezed onto the "
+        "edges of their pillars, about which their fibres turn; without these its last change is "
+        f"{without:.2g} % in place of {change:.2g} %"
+    ]
 
 
 def _values(rows: Sequence[dict[str, object]]) -> Table:

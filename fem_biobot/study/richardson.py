@@ -57,7 +57,7 @@ class Limit:
     error
         Of the finest mesh's value, a bar on both sides, relative [1]; infinite where it does not converge.
     order
-        Observed, of the last three meshes; not a number where their changes follow none.
+        Observed, of the last three meshes, whatever is allowed; not a number where their changes follow none.
     verdict
         See `Verdict`.
     size
@@ -71,7 +71,7 @@ class Limit:
     size: float
 
 
-def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Limit:
+def limit(sizes: Sequence[float], values: Sequence[float], wanted: float, most: float = _ORDERS[1]) -> Limit:
     """The limit of a quantity from its values on three meshes or more.
 
     Parameters
@@ -82,6 +82,9 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
         Of the quantity, (m,).
     wanted
         Relative error asked for [1].
+    most
+        Order that errors fall with once elements are small, by what is known of the body: a larger one is that of
+        meshes which are too coarse still, and is not gone on with beyond the finest [1].
 
     Returns
     -------
@@ -95,7 +98,8 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
 
     Notes
     -----
-    The bar is ``1.25 |v3 - v2| / ((h2 / h3)^p - 1)`` for an order between 0.5 and 4.5. Where changes alternate or the
+    The bar is ``1.25 |v3 - v2| / ((h2 / h3)^p - 1)`` for an order between 0.5 and 4.5, p being the observed order or
+    `most`, whichever is less; the value, too, is extrapolated with it. Where changes alternate or the
     order lies outside, p = 1 and three times that difference are taken. Changes that do not shrink with finer meshes,
     at equal ratios of size, do not converge; where all of them are within twice the error asked for, they may as well
     be the scatter of meshes: undecided, three times all of them being the bar. Of three sizes within a factor of 1.5
@@ -120,7 +124,7 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float) -> Lim
             return Limit(float(v[-1]), _UNSURE * spread, order, Verdict.undecided, math.nan)
         return Limit(float(v[-1]), math.inf, order, Verdict.not_converging, math.nan)
     regular = order is not None and _ORDERS[0] <= order <= _ORDERS[1]
-    p = order if regular and order is not None else 1.0
+    p = min(order, most) if regular and order is not None else min(1.0, most)
     step = last / ((h[-2] / h[-1]) ** p - 1.0)
     error = (_SAFE if regular else _UNSURE) * abs(step) / scale
     value = float(v[-1] + step) if regular else float(v[-1])

@@ -56,7 +56,7 @@ def mesh_with_source(mesh, about):
     """The mesh as its maker knew it."""
     from fem_biobot.mesh.body import BodyMesh
 
-    source = {key: about[key] for key in ("generator", "gmsh_version", "size_mm")}
+    source = {key: about[key] for key in ("generator", "gmsh_version", "size_mm", "grading")}
     return BodyMesh(mesh.points, mesh.cells, mesh.regions, mesh.surfaces, mesh.landmarks, source)
 
 
@@ -111,14 +111,20 @@ def test_the_nearest_size_is_taken() -> None:
 def test_without_gmsh_the_committed_mesh_is_used_and_said(no_gmsh: None) -> None:
     """Where Gmsh cannot start, a preset runs on its committed mesh with one note: what, instead of what, how to mend.
 
-    Catches: a silent fallback, a failure although a mesh is there.
+    Catches: a silent fallback, a failure although a mesh is there, a mesh graded in another way without a word.
     """
     design = load_design("ring_bot")
-    mesh, notes = mesh_for(design, 0.45)
+    mesh, notes = mesh_for(load_design("ring_bot", ["mesh.grading = closing"]), 0.45)
     assert mesh.source["size_mm"] == 0.5
     assert set(mesh.landmarks) == set(design.landmarks())
     (note,) = notes
-    for part in ("libXft.so.2", "ring_bot_medium.msh", "0.5 mm", "0.45 mm", GMSH_COMMAND):
+    for part in (
+        "libXft.so.2",
+        "ring_bot_medium.msh",
+        "0.5 mm, grading even,",
+        "0.45 mm, grading closing,",
+        GMSH_COMMAND,
+    ):
         assert part in note
     assert "\n" not in note
 

@@ -8,7 +8,8 @@ arithmetic are the kernels?
 
 Run: ``python studies/solid_speed.py [--level smoke|full] [--out FOLDER]``; about ten minutes at level full on an idle
 machine. FElupe takes part where it is installed (extra ``bench``). DOLFINx takes part where ``python3 -c "import
-dolfinx"`` works, or the command in the variable DOLFINX_PYTHON (see studies/contenders/dolfinx_path.py).
+dolfinx"`` works, or the command in the variable DOLFINX_PYTHON (see studies/contenders/dolfinx_path.py, also for the
+BLAS that it needs to be fast).
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -39,11 +41,12 @@ from fem_biobot.config import load_design
 from fem_biobot.files import replacing
 from fem_biobot.mesh.committed import committed_mesh
 from fem_biobot.progress import show_tables
-from fem_biobot.solid import sharing
+from fem_biobot.solid import linear, sharing
 from fem_biobot.solid.from_design import tension_step
 from fem_biobot.solid.linear import factorisation, pardiso_missing, product
 from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, linear_solver, solve
 from fem_biobot.solid.newton import NewtonSettings
+from fem_biobot.solid.system import System
 from fem_biobot.study.outputs import write_table
 from fem_biobot.tables import Table
 
@@ -94,6 +97,7 @@ class Study:
     outputs: list[Row] = field(default_factory=list)
     contenders: list[Row] = field(default_factory=list)
     threads: list[Row] = field(default_factory=list)
+    parts: list[Row] = field(default_factory=list)
     roof: list[Row] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -416,7 +420,7 @@ def beside_dolfinx(level: str, size: float, command: list[str]) -> Row:
     row = json.loads(done.stdout.splitlines()[-1])
     iteration = ours["path_s"] / ours["newton_1"]
     return {
-        "contender": f"DOLFINx {row['version']}, MUMPS",
+        "contender": f"DOLFINx {row['version']}, MUMPS, {row['blas']}",
         "unknowns_1": row["unknowns"],
         "path_s": row["seconds"],
         "newton_1": row["iterations"],
@@ -463,6 +467,64 @@ def stages(level: str, size: float, threads: int) -> Row:
     if size == SIZES[level][0]:
         timed("path", lambda: walk(model, EIGHT[level]))
     return {"unknowns_1": model.n_dofs, "threads_1": threads, **{f"{name}_s": value for name, value in best.items()}}
+
+
+# methods and functions by what they do; what they call of each other is not counted twice
+_WHAT: tuple[tuple[Any, str, str], ...] = (
+    (System, "matrix", "tangent"),
+    (System, "block", "tangent"),
+    (System, "deformation_gradient", "gradient, law, residual"),
+    (System, "points", "gradient, law, residual"),
+    (System, "carry", "gradient, law, residual"),
+    (System, "internal_force", "gradient, law, residual"),
+    (linear, "_write_product", "product"),
+    (linear.Pardiso, "_run", "PARDISO"),
+)
+_PHASES = {11: "analysis", 22: "factorisation", 33: "solution"}
+
+
+@contextmanager
+def watched() -> Iterator[dict[str, float]]:
+    """Elapsed seconds by what the solver does meanwhile."""
+    spent: dict[str, float] = {}
+    within: list[float] = []
+    before = [getattr(owner, name) for owner, name, _ in _WHAT]
+
+    def timed(action: Callable[..., Any], what: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            begin = time.perf_counter()
+            within.append(0.0)
+            try:
+                return action(*arguments, **named)
+            finally:
+                taken = time.perf_counter() - begin
+                part = _PHASES.get(arguments[1], "rest") if what == "PARDISO" else what
+                spent[part] = spent.get(part, 0.0) + taken - within.pop()
+                if within:
+                    within[-1] += taken
+
+        return call
+
+    for (owner, name, what), action in zip(_WHAT, before, strict=True):
+        setattr(owner, name, timed(action, what))
+    try:
+        yield spent
+    finally:
+        for (owner, name, _), action in zip(_WHAT, before, strict=True):
+            setattr(owner, name, action)
+
+
+def parts_of_the_path(level: str, size: float) -> dict[str, float]:
+    """Elapsed seconds of a path by what it does."""
+    model = machine(size)
+    walk(model, EIGHT[level])
+    with watched() as spent:
+        begin = time.perf_counter()
+        walk(model, EIGHT[level])
+        whole = time.perf_counter() - begin
+    spent.pop("rest", None)
+    spent["rest"] = whole - sum(spent.values())
+    return {**dict(sorted(spent.items(), key=lambda item: -item[1])), "whole": whole}
 
 
 # --- roofline ---------------------------------------------------------------------------------------------------------
@@ -568,6 +630,7 @@ _PARTS: dict[str, Callable[..., Any]] = {
     "felupe": lambda level, size, whole: beside_felupe(level, size, whole=bool(whole)),
     "dolfinx": lambda level, size, *command: beside_dolfinx(level, size, list(command)),
     "stages": stages,
+    "parts": parts_of_the_path,
     "roofline": roofline,
 }
 
@@ -612,8 +675,26 @@ def run(level: str) -> Study:
             rows = [_alone("stages", level, size, n, threads=n) for n in (1, 2, 1, 2)]
             for pair in (rows[0::2], rows[1::2]):
                 study.threads.append({key: min(row[key] for row in pair) for key in pair[0]})
+    if pardiso_missing() is None:
+        study.parts = parts_by_threads(level)
     study.roof = _alone("roofline", level, SIZES[level][0])
     return study
+
+
+def parts_by_threads(level: str) -> list[Row]:
+    """Parts of the path with one thread and, at level full, with two; the least of several rounds in turn."""
+    threads = {"smoke": (1,), "full": (1, 2, 1, 2, 1, 2)}[level]
+    rounds = [(n, _alone("parts", level, SIZES[level][0], threads=n)) for n in threads]
+    rows = []
+    for part in rounds[0][1]:
+        row: Row = {"part": part}
+        for n in sorted(set(threads)):
+            best = {name: min(found[name] for m, found in rounds if m == n) for name in rounds[0][1]}
+            row |= {f"of_{n}_s": best[part], f"of_{n}_share_1": best[part] / best["whole"]}
+        if "of_2_s" in row:
+            row["faster_1"] = row["of_1_s"] / row["of_2_s"]
+        rows.append(row)
+    return rows
 
 
 # --- expect -----------------------------------------------------------------------------------------------------------
@@ -630,6 +711,9 @@ def expect(study: Study, level: str) -> None:
     for row in study.contenders:
         if "apart_mm" in row:
             assert row["apart_mm"] < 1e-5, f"{row['contender']} ends {row['apart_mm']:.2g} mm elsewhere"
+    for row in study.parts:
+        # more would mean that something takes time that nobody looked for
+        assert row["part"] != "rest" or row["of_1_share_1"] < 0.2, f"unnamed parts: {row['of_1_share_1']:.2f} of a path"
     assert {row["kernel"] for row in study.roof} == {"gradient", "law", "residual", "tangent", "product"}
     for row in study.roof:
         # more would mean that something is counted that is not done, or read from the caches
@@ -720,6 +804,7 @@ def tables(study: Study) -> list[Table]:
         ("Its outputs", study.outputs),
         ("Contenders, one thread", study.contenders),
         ("Threads, elapsed seconds, the least of all rounds", study.threads),
+        ("Parts of the path to 8 kPa by threads, elapsed, the least of all rounds", study.parts),
         ("Kernels beside the machine, one thread", study.roof),
     ):
         if rows:
@@ -731,7 +816,7 @@ def tables(study: Study) -> list[Table]:
 def write(study: Study, folder: Path) -> None:
     """CSV of every table and a picture."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("paths", "outputs", "contenders", "threads", "roof"):
+    for name in ("paths", "outputs", "contenders", "threads", "parts", "roof"):
         if rows := getattr(study, name):
             header = tuple(dict.fromkeys(key for row in rows for key in row))
             write_table(folder / f"{name}.csv", [{key: row.get(key) for key in header} for row in rows])

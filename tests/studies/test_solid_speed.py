@@ -30,7 +30,8 @@ def test_it_shows_what_it_found(name: str, tmp_path: Path) -> None:
 
 
 def test_the_speed_study_refuses_what_it_should() -> None:
-    """Its expectations fail on a factorisation too many, an open state, another end, a kernel faster than the machine.
+    """Its expectations fail on a factorisation too many, an open state, another end, a kernel faster than the machine,
+    and time that no part takes.
 
     Catches: a limit that is never compared.
     """
@@ -39,6 +40,7 @@ def test_the_speed_study_refuses_what_it_should() -> None:
         ("paths", {"factorisations_1": 31}, "31 factorisations"),
         ("outputs", {"residual_1": 2e-9}, "residual"),
         ("roof", {"share_1": 1.6}, "machine's limit"),
+        ("parts", {"part": "rest", "of_1_share_1": 0.25}, "unnamed parts"),
     ):
         found = copy.deepcopy(smoke("solid_speed"))
         getattr(found, table)[0].update(change)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import pairwise
 from typing import Any
@@ -15,7 +15,7 @@ from fem_biobot.errors import DesignError, ModelError
 from fem_biobot.link.at_load import LoadedRods, parts_of
 from fem_biobot.link.expected import Expectation, Interval, expect
 from fem_biobot.link.modes import Pair, paired, seen_positions
-from fem_biobot.link.observed import Array, Observed, beyond
+from fem_biobot.link.observed import Array, Observed, beyond, stations
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.sections import MeshSections, with_sections
 from fem_biobot.link.shapes import Both, level_both, rod_outline, solid_outline
@@ -53,7 +53,8 @@ class Stiffness(StrEnum):
     mesh
         Junction too, a clamped rod by unit loads on the muscle, see `link.strip`, and masses, see `link.masses`.
     mesh_at_load
-        The same parts by loads as large as the machine's, see `link.at_load`.
+        The same parts by loads as large as the machine's, see `link.at_load`, the junction's ends turned (`link.firm`)
+        and the beam's torsion where it is bent (`link.twist`).
     """
 
     closed_form = "closed_form"
@@ -257,6 +258,11 @@ def crosscheck(
     observed = [beyond(each, *energy) for each, energy in zip(observed, own, strict=True)]
     reporter.stage("rods at the tensions of the solid", len(sides))
     by_rods = {name: side.states(levels, reporter) for name, side in sides.items()}
+    size = np.diff(stations(design))
+    for name in (Stiffness.mesh_beam, Stiffness.mesh, Stiffness.mesh_at_load):
+        seen, found = by_rods[name]
+        at_load = name is Stiffness.mesh_at_load
+        by_rods[name] = [_apart(each, parts.sections, size, at_load=at_load) for each in seen], found
     # about the passive state, or the last that all reached
     standing = levels.index(design.tension(0.0)) if design.tension(0.0) in levels else len(levels) - 1
     common = min(standing, len(states) - 1, *(len(found) - 1 for _, found in by_rods.values()))
@@ -293,9 +299,30 @@ def crosscheck(
     )
 
 
+def _apart(seen: Observed, sections: MeshSections, size: Array, *, at_load: bool) -> Observed:
+    """A state of rods with sections from the mesh, what the roots yield told apart from the beam's curvature."""
+    curvature, roots = sections.without_roots(seen.curvature, size, at_load=at_load)
+    return replace(seen, curvature=curvature, roots=seen.roots + roots)
+
+
+def _last(found: CrossCheck) -> int:
+    """Number of the last tension that all reached."""
+    return min(len(found.solid), *(len(states) for states in found.rods.values())) - 1
+
+
+def root_rows(found: CrossCheck) -> list[dict[str, Any]]:
+    """What the beam's roots yield at the last common tension, turns of the pillars beyond its ends, one row a model."""
+    last = _last(found)
+    models = {"solid": found.solid[last], **{f"rods_{name}": states[last] for name, states in found.rods.items()}}
+    return [
+        {"model": name, **dict(zip(("short_deg", "long_deg"), np.rad2deg(state.roots).tolist(), strict=True))}
+        for name, state in models.items()
+    ]
+
+
 def curvature_rows(found: CrossCheck) -> list[dict[str, Any]]:
-    """Curvature along the beam at the last common tension, one row a stretch."""
-    last = min(len(found.solid), *(len(states) for states in found.rods.values())) - 1
+    """Curvature along the beam at the last common tension, without what its roots yield, one row a stretch."""
+    last = _last(found)
     x = np.linspace(-found.design.span / 2, found.design.span / 2, len(found.solid[last].curvature) + 1)
     middle = 0.5 * (x[1:] + x[:-1])
     return [

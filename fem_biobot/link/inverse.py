@@ -58,7 +58,8 @@ def scaled(found: MeshSections, factor: float) -> MeshSections:
         plain = {name: factor * getattr(s, name) for name in ("EI", "EI_lateral", "GJ", "EA", "GA", "GA_lateral")}
         return replace(s, **plain, EI_along=tuple(factor * v for v in s.EI_along))
 
-    return replace(found, mesh=times(found.mesh), closed_form=times(found.closed_form), moments=factor * found.moments)
+    stiffer = {"moments": factor * found.moments, "torsion": factor * found.torsion}
+    return replace(found, mesh=times(found.mesh), closed_form=times(found.closed_form), **stiffer)
 
 
 def deflections(design: Design, rods: LoadedRods, reporter: Reporter | None = None) -> Deflections:

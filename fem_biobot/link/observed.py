@@ -6,7 +6,7 @@ machine, x and z, and free of rigid motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,12 +110,15 @@ class Observed:
         The points, levelled.
     curvature
         Of the beam between the stations, less that as drawn, positive where it arches up, (s - 1,) [1/mm].
+    roots
+        What the short and the long pillar turn inwards beyond the sections at the ends of the span, (2,) [rad].
     """
 
     tension: float
     numbers: dict[str, float]
     points: Points
     curvature: Array
+    roots: Array = field(default_factory=lambda: np.zeros(2))
 
 
 def observed(design: Design, tension: float, points: Points, **numbers: float) -> Observed:
@@ -128,7 +131,8 @@ def observed(design: Design, tension: float, points: Points, **numbers: float) -
         "rotation_long_deg": float(long),
         "curvature_1_per_mm": float(curvature[_ELEMENTS // 4 : -(_ELEMENTS // 4)].mean()),
     }
-    return Observed(tension, {**numbers, **own}, points.level(), curvature)
+    roots = points.pillar_turns - points.turns[[0, -1]] * np.array([1.0, -1.0])
+    return Observed(tension, {**numbers, **own}, points.level(), curvature, roots)
 
 
 def parts_of_energy(skeleton: float, muscle: float) -> dict[str, float]:

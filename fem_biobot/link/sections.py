@@ -11,7 +11,8 @@ and a pair of forces that pulls the bonds together at the junction's height, as 
 the beam by its own curvature: ``E I`` along the span is the moment there over that. What the bonds turn beyond the
 sections at the span's ends counts as the outermost stretches', so all yield of corners and pillars is the beam's, which
 is what a model with rigid pillars needs. The same pair of forces, no longer small, gives the moment of each stretch by
-its curvature: gel is not linear, corners and a plate that curves sideways are stiffer the more they are bent.
+its curvature: gel is not linear, corners and a plate that curves sideways are stiffer the more they are bent; and about
+each such pull small couples give the torsion (`link.twist`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
 from fem_biobot.link.observed import Array, Points, drawn_points, stations
 from fem_biobot.link.parts import balanced, part_of
+from fem_biobot.link.twist import torsion_at
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.records import Rod
@@ -71,12 +73,42 @@ class MeshSections:
         By unit loads, and of a rectangle.
     curvatures, moments
         Of each stretch in a pull of rising force, zero first, (p, m) [1/mm], [uJ].
+    roots
+        Of those curvatures, what the pillars turn beyond the beam, at its short and its long end, (p, 2) [rad].
+    torsion
+        Torsion stiffness of the beam bent by these pulls, (p,) [mN mm^2].
     """
 
     mesh: Stiffnesses
     closed_form: Stiffnesses
     curvatures: Array
     moments: Array
+    roots: Array
+    torsion: Array
+
+    def without_roots(self, curvature: Array, size: Array, *, at_load: bool) -> tuple[Array, Array]:
+        """Curvature of the beam without what its roots yield, (m,) [1/mm], and that as a turn of each, (2,) [rad].
+
+        Parameters
+        ----------
+        curvature
+            Of each stretch, its roots' yield with the outermost ones, (m,) [1/mm].
+        size
+            Length of each stretch, (m,) [mm].
+        at_load
+            Whether roots yield as they do in pulls at large, or as by unit loads.
+        """
+        turns = []
+        for root, k, at in zip(self.roots.T, self.curvatures[:, [0, -1]].T, curvature[[0, -1]], strict=True):
+            turns.append(_curve(k, root, at)[0] if at_load else _curve(k, root, 0.0)[1] * at)
+        beam, found = curvature.copy(), np.array(turns)
+        beam[[0, -1]] -= found / size[[0, -1]]
+        return beam, found
+
+    def twisted(self, curvature: Array) -> float:
+        """Torsion stiffness at a curvature of each stretch, (m,) [1/mm]: by their mean; beyond the pulls as there."""
+        bent = np.abs(self.curvatures).mean(axis=1)
+        return float(PchipInterpolator(bent, self.torsion)(min(float(np.abs(curvature).mean()), float(bent[-1]))))
 
     def bent(self, curvature: Array) -> tuple[Array, Array]:
         """Moment of each stretch (m,) [uJ] and its derivative (m,) [mN mm^2] at a curvature of each, (m,) [1/mm].
@@ -153,9 +185,12 @@ def sections_from_mesh(design: Design, mesh: BodyMesh, forces: Sequence[float] =
         L / max(across, least),
         tuple(float(v) for v in along),
     )
-    flat = np.zeros((1, len(along)))
-    curvatures, moments = (np.concatenate([flat, [pair[k] for pair in bent]]) for k in (0, 1))
-    return MeshSections(stiffnesses, known, curvatures, moments)
+    curvatures, moments, roots = (
+        np.concatenate([np.zeros((1, len(each[0]))), each]) for each in zip(*bent, strict=True)
+    )
+    size = np.diff(stations(design))
+    twists = [torsion_at(state, _points(design, state), size, lateral) for state in pulled]
+    return MeshSections(stiffnesses, known, curvatures, moments, roots, np.array([twists[0], *twists]))
 
 
 def flexibility(design: Design, mesh: BodyMesh) -> Array:
@@ -189,8 +224,11 @@ def _loaded(design: Design, mesh: BodyMesh, pulls: Sequence[float]) -> tuple[Arr
     return work / np.outer(size, size), states[6:]
 
 
-def _bent(design: Design, state: SolidState, force: float) -> tuple[Array, Array]:
-    """Curvature (m,) [1/mm] and moment (m,) [uJ] of each stretch of a beam whose bonds are pulled together."""
+def _bent(design: Design, state: SolidState, force: float) -> tuple[Array, Array, Array]:
+    """Of a beam whose bonds are pulled together: curvature and moment of each stretch, (m,) [1/mm], [uJ], its roots.
+
+    The last is what the pillars turn beyond the sections at the ends, (2,) [rad]; the curvature has it in it.
+    """
     points = _points(design, state).level()
     size = np.diff(stations(design))
     curvature = -np.diff(points.turns) / size
@@ -206,7 +244,7 @@ def _bent(design: Design, state: SolidState, force: float) -> tuple[Array, Array
     middle = np.cross(x.T - axis, force * np.asarray(loads)[long]).sum(axis=0)[1]
     heights = points.axis[:, 2]
     below = heights[len(heights) // 2] - 0.5 * (heights[1:] + heights[:-1])
-    return curvature, middle - force * below
+    return curvature, middle - force * below, beyond
 
 
 def _points(design: Design, state: SolidState) -> Points:
@@ -229,7 +267,7 @@ def with_sections(model: RodModel, found: MeshSections, *, curvature: Array | No
     found
         From the mesh.
     curvature
-        Of each stretch, about which its bending is taken instead of about none, (m,) [1/mm].
+        Of each stretch, about which its bending and its torsion are taken instead of about none, (m,) [1/mm].
     """
     rods = [_changed(rod, found, curvature) for rod in model.rods]
     parts = (model.joints, model.bodies, model.supports, model.loads, model.members, model.contacts)
@@ -241,11 +279,11 @@ def _changed(rod: Rod, found: MeshSections, curvature: Array | None) -> Rod:
     if count != len(found.mesh.EI_along):
         raise ModelError(f"{rod.name}: found {count} elements, expected {len(found.mesh.EI_along)}, as stretches")
     each = [rod.section] * count if isinstance(rod.section, Section) else list(rod.section)
-    stiffness, natural = np.array(found.mesh.EI_along), np.zeros(count)
+    constants, stiffness, natural = found.mesh, np.array(found.mesh.EI_along), np.zeros(count)
     if curvature is not None:
         moment, stiffness = found.bent(curvature)
-        natural = curvature - moment / stiffness
-    sections = [_with(s, rod.material, found.mesh, EI) for s, EI in zip(each, stiffness, strict=True)]
+        natural, constants = curvature - moment / stiffness, replace(constants, GJ=found.twisted(curvature))
+    sections = [_with(s, rod.material, constants, EI) for s, EI in zip(each, stiffness, strict=True)]
     if curvature is None:
         return replace(rod, section=sections)
     # arching up is a turn about y; the first director lies along y, or against it

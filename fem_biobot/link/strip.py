@@ -7,9 +7,10 @@ to bend and shear, and a chain of members along the same nodes that carries its 
 
 Constants come from the muscle's mesh alone, its bonds moved as rigid plates, the rings between them and the strip as
 they are: stretched, turned, twisted a little without tension; held, under a little tension; and, for what gel and
-muscle do at large, pulled together under tension without a turn. Shear has its closed form. What the muscle stores is
-that of its bonds coming together as far, and turned by as much, as those of a machine do: under tension a turned end
-stores less than its bending alone would say, since fibres turn with it.
+muscle do at large, pulled together under tension, without a turn and with one. Shear has its closed form; how firmly
+turned ends hold the line of pull is found in `link.firm`. What the muscle stores is that of its bonds coming together
+as far, and turned by as much, as those of a machine do: under tension a turned end stores less than its bending alone
+would say, since fibres turn with it.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ from fem_biobot.solid.model import SolidState
 
 STRIP = "junction"
 _SMALL = 1e-5
+# shear stiffness across over G A that is not exceeded: of a long narrow strip bending leaves next to nothing of its way
+_STIFFEST_SHEAR = 10.0
 # half-lengths of the free strip at which its sections are read, over its thickness, from the ring on
 _READ = (0.0, 0.25, 0.5, 1.0, 2.0)
 # elements of the stretches that begin there: the turn of a clamped end fades within a thickness
@@ -166,7 +169,9 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[Pull] = ()) 
     own = reaction(held, alone.middle)[0] - EA * np.diff(_sections(design, held, x)[1]) / size
     lateral = L / C[5, 5]
     none, zero = np.zeros((0, len(size))), np.zeros(1)
-    sideways = L / (C[1, 1] - L**3 / (12.0 * lateral))
+    G = muscle.material.young / (2.0 * (1.0 + muscle.material.poisson))
+    least = L / (_STIFFEST_SHEAR * G * design.junction_section)
+    sideways = L / max(C[1, 1] - L**3 / (12.0 * lateral), least)
     pull = own / little
     unloaded = (none, none, zero, zero, np.zeros((0, 2)), np.zeros(0))
     return pulled(design, mesh, StripSections(x, EA, EI, lateral, L / C[3, 3], sideways, pull, *unloaded), pulls)

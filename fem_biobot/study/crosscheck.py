@@ -11,14 +11,14 @@ from fem_biobot.design import Design
 from fem_biobot.design_tissue import at_rest
 from fem_biobot.errors import ModelError
 from fem_biobot.link.camera import Camera, filmed
-from fem_biobot.link.crosscheck import QUANTITIES, CrossCheck, Row, Stiffness, crosscheck, curvature_rows
+from fem_biobot.link.crosscheck import QUANTITIES, CrossCheck, Row, Stiffness, crosscheck, curvature_rows, root_rows
 from fem_biobot.link.sections import Stiffnesses
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
 from fem_biobot.study.views import both_view
 from fem_biobot.tables import Table
-from fem_biobot.view.crosscheck import both_over, differences, overlaid
+from fem_biobot.view.crosscheck import bent_beam, both_over, differences, overlaid
 
 _PANELS = {
     "tip_closing_mm": "tip closing [mm]",
@@ -101,6 +101,7 @@ def told(
         {
             "crosscheck": [_as_row(row) for stiffness in Stiffness for row in rows[stiffness]],
             "curvature": curvature_rows(found),
+            "roots": root_rows(found),
             "modes": [
                 {"rods": name.value, "solid_Hz": p.solid, "rods_Hz": p.rods, "likeness_1": p.likeness, "motion": p.kind}
                 for name, pairs in found.modes.items()
@@ -332,12 +333,13 @@ def _draw(found: CrossCheck, plain: list[Row], figures: Path) -> list[tuple[Path
     )
     rows = curvature_rows(found)
     curves = {"solid": "solid_1_per_mm", **{_MODELS[k]: f"rods_{k}_1_per_mm" for k in _DRAWN}}
-    both_over(
+    roots = {row["model"]: (row["short_deg"], row["long_deg"]) for row in root_rows(found)}
+    bent_beam(
         along,
         [row["x_mm"] for row in rows],
-        {"curvature [1/mm]": {label: [row[key] for row in rows] for label, key in curves.items()}},
-        x="along the span [mm]",
-        title=f"{name}: curvature of the beam",
+        {label: [row[key] for row in rows] for label, key in curves.items()},
+        {label: roots[key.removesuffix("_1_per_mm")] for label, key in curves.items()},
+        title=f"{name}: curvature of the beam, and what its roots yield",
     )
     overlaid(
         side,
@@ -348,6 +350,6 @@ def _draw(found: CrossCheck, plain: list[Row], figures: Path) -> list[tuple[Path
     return [
         (both, "Solid and rods at the same tensions; nothing is fitted."),
         (apart, "Difference of the solid from the rods in closed form; grey: where it was expected beforehand."),
-        (along, "Curvature along the beam at the highest tension."),
+        (along, "Curvature along the beam at the highest tension, and what its roots in the pillars yield besides."),
         (side, "Both from the side, at the standing tension and at full drive."),
     ]

@@ -50,6 +50,49 @@ def both_over(
     save(figure, path, title)
 
 
+def bent_beam(
+    path: str | os.PathLike[str],
+    x: ArrayLike,
+    curvature: Mapping[str, ArrayLike],
+    roots: Mapping[str, tuple[float, float]],
+    *,
+    title: str,
+) -> None:
+    """Curvature along a beam, and beside it by how much its two roots yield, one colour a model.
+
+    Parameters
+    ----------
+    path
+        PNG file.
+    x
+        Along the span, (m,) [mm].
+    curvature
+        Name of the model to the beam's curvature there, without its roots, (m,) [1/mm].
+    roots
+        Name of the model to the turn of the short and the long pillar beyond the beam's ends [deg].
+    title
+        What stands above.
+
+    Raises
+    ------
+    FileError
+        As `both_over`.
+    """
+    figure, (along, ends) = side_by_side(2, (9.2, 3.4))
+    for number, (model, values) in enumerate(curvature.items()):
+        xs, ys = paired(path, f"curvature, {model}", x, values)
+        along.plot(xs, ys, "-o", color=COLOURS[number], linewidth=1.6, markersize=3.6, label=model)
+        _, turns = paired(path, f"roots, {model}", (0.0, 1.0), roots[model])
+        places = np.arange(2) + 0.22 * (number - 0.5 * (len(curvature) - 1))
+        ends.bar(places, turns, 0.2, color=COLOURS[number], label=model)
+    name_axes(along, "along the span [mm]", "curvature of the beam [1/mm]")
+    name_axes(ends, "", "yield of the root [deg]")
+    ends.set_xticks([0, 1], ["short pillar", "long pillar"])
+    ends.axhline(0.0, color=SOFT, linewidth=0.8)
+    legend(along)
+    save(figure, path, title)
+
+
 def differences(
     path: str | os.PathLike[str],
     tension: ArrayLike,

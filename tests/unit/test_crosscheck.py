@@ -123,6 +123,15 @@ def test_the_folder_holds_tables_pictures_and_a_report(result: tuple[Path, dict[
         rows = list(csv.DictReader(file))
     assert len(rows) == len(summary["crosscheck"]["rows"])
     assert float(rows[0]["expected_low_1"]) < float(rows[0]["expected_high_1"])
+    with (out / "tables" / "curvature.csv").open() as file:
+        along = list(csv.DictReader(file))
+    with (out / "tables" / "roots.csv").open() as file:
+        roots = {row["model"]: float(row["short_deg"]) for row in csv.DictReader(file)}
+    # rods whose roots yield have the solid's, and their beam then bends at its ends as beside them, to a fifth
+    assert roots["rods_closed_form"] == pytest.approx(0.0, abs=1e-9)
+    assert roots["rods_mesh_at_load"] == pytest.approx(roots["solid"], rel=0.1)
+    at_load = [float(row["rods_mesh_at_load_1_per_mm"]) for row in along]
+    assert at_load[0] == pytest.approx(at_load[1], rel=0.2)
     page = (out / "report.html").read_text()
     assert "Why they differ" in page
     assert "Where the strain energy is" in page

@@ -14,15 +14,18 @@ from fem_biobot.link.alone import Pull
 from fem_biobot.link.at_load import LoadedRods
 from fem_biobot.link.firm import line_height, made_firm
 from fem_biobot.link.masses import cloud, with_masses
-from fem_biobot.link.parts import BONDS, balanced, part_of
+from fem_biobot.link.parts import BONDS, balanced, part_of, wrench
 from fem_biobot.link.sections import MeshSections, closed_forms, sections_from_mesh, with_sections
+from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.link.strip import STRIP, StripSections, stretches_of, strip_from_mesh, with_strip
+from fem_biobot.link.twist import twist
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.rod.model import RodModel
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.from_design import law_of, supports
-from fem_biobot.solid.model import SolidModel
+from fem_biobot.solid.model import SolidModel, SolidState, solve
+from fem_biobot.solid.records import Step, Traction
 from fem_biobot.study.reporter import Silent
 from tests.helpers import generator
 
@@ -331,3 +334,103 @@ def test_a_line_of_pull_that_no_bending_gives_is_told(parts: Parts, monkeypatch:
     monkeypatch.setattr(firm, "_MOST", 1)
     with pytest.raises(SolveError, match="junction alone"):
         _height(parts[1], PULLS[0], 1.0)
+
+
+def _bent_skeleton(mesh: BodyMesh, twisted: float = 0.0, of: SolidState | None = None) -> SolidState:
+    """The skeleton under a pull of its bonds, and under small opposite couples on them as they lie in a state."""
+    body, drawn = part_of(mesh, "skeleton"), np.array([0.0, 0.0, DESIGN.beam_axis_height])
+    loads = list(balanced(body, "pull", -np.eye(3)[0], DESIGN.moment_arm * np.eye(3)[1], drawn))
+    if of is not None:
+        moved = BodyMesh(
+            body.points + of.u[:, : body.points.shape[1]], body.cells, body.regions, body.surfaces, body.landmarks
+        )
+        for bond, sense in zip(BONDS, (-1.0, 1.0), strict=True):
+            nodes = np.unique(body.surfaces[bond])
+            centre = moved.points[:, nodes].mean(axis=1)
+            field = wrench(moved, bond, np.zeros(3), sense * np.eye(3)[0], centre)
+            before, after = body.points[:, nodes], moved.points[:, nodes]
+            # as a rigid plate the bond has moved, to what gel yields
+            fit = np.linalg.lstsq(np.vstack([before, np.ones(len(nodes))]).T, after.T, rcond=None)[0]
+            loads.append(Traction(bond, lambda X, f=field, fit=fit: f(fit[:3].T @ X + fit[3][:, None]), name="twist"))
+    law = law_of(DESIGN.value("skeleton.material"))
+    model = SolidModel(body, {"skeleton": law}, {}, supports(DESIGN, body), loads)
+    names = {"pull": 3.0, **({"twist": twisted} if of is not None else {})}
+    return solve(model, [Step(load=0.0, tension=0.0, loads=names)]).last
+
+
+def test_twist_about_a_bent_state_is_what_small_couples_do(mesh: BodyMesh) -> None:
+    """Against the skeleton solved again with such tractions as well: its bonds turn against each other as much.
+
+    The tractions have their couple on plane plates, to a thousandth; without the pull it is some percent more.
+
+    Catches: couples of the same sense on both bonds, a couple about another axis, a tangent without the pull.
+    """
+    bent, couple = _bent_skeleton(mesh), 0.5
+    ahead = _bent_skeleton(mesh, couple, bent)
+    apart = (ahead.u - bent.u) / couple
+    turns = []
+    for bond in BONDS:
+        nodes = np.unique(ahead.model.mesh.surfaces[bond])
+        x = (bent.X + bent.u)[:, nodes]
+        arm = x - x.mean(axis=1, keepdims=True)
+        u = apart[:, nodes] - apart[:, nodes].mean(axis=1, keepdims=True)
+        inertia = np.sum(arm**2) * np.eye(3) - arm @ arm.T
+        turns.append(np.linalg.solve(inertia, np.cross(arm, u, axis=0).sum(axis=1))[0])
+    assert twist(bent, np.eye(3)[0]) == pytest.approx(turns[1] - turns[0], rel=0.01)
+
+
+def test_a_bent_plate_resists_twist_more_than_a_straight_one(parts: Parts) -> None:
+    """Without a pull as by unit loads, and at a pull of 2.6 mN some percent more; rods at load have that.
+
+    Catches: the slope of the arch against the chord left out, torsion of the last pull at every load.
+    """
+    beam = parts[0]
+    assert beam.torsion[0] == pytest.approx(beam.mesh.GJ, rel=1e-4)
+    assert 1.02 < beam.torsion[-1] / beam.mesh.GJ < 1.3
+    for at, torsion in zip(beam.curvatures, beam.torsion, strict=True):
+        assert beam.twisted(at) == pytest.approx(torsion, rel=1e-9)
+    assert beam.twisted(3.0 * beam.curvatures[-1]) == beam.torsion[-1]
+    rod = with_sections(reduce(DESIGN), beam, curvature=beam.curvatures[-1]).rods[0]
+    assert rod.sections[3].J * rod.material.G == pytest.approx(beam.torsion[-1], rel=1e-12)
+
+
+def test_roots_yield_apart_from_the_beam(parts: Parts) -> None:
+    """Beam and roots together turn as the stretches did; without its roots the beam bends evenly, to a fifth.
+
+    Catches: one root taken from both ends, turns of the last pull at every load, an odd sign.
+    """
+    beam, size = parts[0], np.full(16, DESIGN.span / 16.0)
+    for at, roots in zip(beam.curvatures[1:], beam.roots[1:], strict=True):
+        rest, found = beam.without_roots(at, size, at_load=True)
+        np.testing.assert_allclose(found, roots, rtol=1e-10)
+        assert rest @ size + found.sum() == pytest.approx(at @ size, rel=1e-12)
+        np.testing.assert_array_equal(rest[1:-1], at[1:-1])
+        np.testing.assert_allclose(rest[[0, -1]], rest[[1, -2]], rtol=0.2)
+        assert at[0] > 1.3 * at[1]
+        back, opposite = beam.without_roots(-at, size, at_load=True)
+        np.testing.assert_allclose(np.append(back, opposite), -np.append(rest, found), rtol=1e-12)
+    # by unit loads in proportion
+    twice, once = (beam.without_roots(k * beam.curvatures[1], size, at_load=False)[1] for k in (2.0, 1.0))
+    np.testing.assert_allclose(twice, 2.0 * once, rtol=1e-12)
+
+
+def test_rings_alone_tell_how_far_they_are(mesh: BodyMesh) -> None:
+    """A stage of as many parts as tensions, each told; what rings store grows with the square of a small tension.
+
+    Catches: a stage without its parts, tensions told in another order.
+    """
+    told: list[tuple[str, int | None]] = []
+
+    class Told(Silent):
+        def stage(self, name: str, total: int | None = None) -> None:
+            told.append((name, total))
+
+        def advance(self, done: str = "") -> None:
+            told.append((done, None))
+
+    once, twice = (sum(each) for each in SolidSide(DESIGN, mesh).squeezed([0.02, 0.04], Told()))
+    assert told == [("rings of the solid alone", 2), ("rings at 0.02 kPa", None), ("rings at 0.04 kPa", None)]
+    assert twice == pytest.approx(4.0 * once, rel=0.02)
+    told.clear()
+    assert SolidSide(load_design("ring_bot"), mesh).squeezed([1.0], Told()) == [(0.0, 0.0)]
+    assert not told

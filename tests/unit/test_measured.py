@@ -273,12 +273,16 @@ def test_a_stiffer_gel_scales_every_section() -> None:
     """
     closed = closed_forms(DESIGN)
     bent = np.linspace(0.0, 0.1, 3)[:, None] * np.ones(16)
-    found = scaled(MeshSections(closed, closed, bent, 60.0 * bent), 2.0)
+    found = scaled(
+        MeshSections(closed, closed, bent, 60.0 * bent, 0.1 * bent[:, :2], np.array([70.0, 71.0, 74.0])), 2.0
+    )
     other = closed_forms(DESIGN.with_values({"skeleton.material.young": 2.0 * 319.4}))
     for name in ("EI", "EI_lateral", "GJ", "EA", "GA", "GA_lateral", "EI_along"):
         np.testing.assert_allclose(getattr(found.mesh, name), getattr(other, name), rtol=1e-12)
     np.testing.assert_array_equal(found.curvatures, bent)
     np.testing.assert_allclose(found.moments, 120.0 * bent)
+    np.testing.assert_allclose(found.torsion, [140.0, 142.0, 148.0])
+    np.testing.assert_array_equal(found.roots, 0.1 * bent[:, :2])
 
 
 def test_rods_that_go_too_short_a_way_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -288,7 +292,7 @@ def test_rods_that_go_too_short_a_way_are_refused(monkeypatch: pytest.MonkeyPatc
     """
     closed = closed_forms(DESIGN)
     bent = np.linspace(0.0, 0.1, 3)[:, None] * np.ones(16)
-    sections = MeshSections(closed, closed, bent, 60.0 * bent)
+    sections = MeshSections(closed, closed, bent, 60.0 * bent, 0.1 * bent[:, :2], np.full(3, 70.0))
     rods = LoadedRods(DESIGN, reduce(DESIGN), sections, None, mesh_for(DESIGN)[0])
     monkeypatch.setattr(LoadedRods, "states", lambda *_: ([None] * 3, []))
     with pytest.raises(ModelError, match="alone, expected more to fit with"):

@@ -238,7 +238,7 @@ def test_every_file_is_there_and_opens(result: tuple[Path, dict[str, Any]], desi
     peak = states(summary)["peak"]
     assert rows["the tissue bears its shortening", "solid"]["value"] == peak["fibre_stretch_1"]
     assert 0.01 < rows["the gel bears its strain", "solid"]["value"] < 0.3
-    tables |= {"crosscheck.csv", "curvature.csv", "modes.csv"}
+    tables |= {"crosscheck.csv", "curvature.csv", "modes.csv", "roots.csv"}
     assert summary["muscle"]["drive"]["peak_1"] == pytest.approx(1.0)
     assert summary["muscle"]["fibres"]["along_middle_1"] == pytest.approx(1.0, abs=1e-12)
     if not gmsh_missing():

@@ -45,6 +45,8 @@ _QUANTITIES = {
     "max_von_mises_kPa": "von Mises, highest point",
     "fillet_von_mises_kPa": "von Mises, peak in a fillet",
 }
+# of these, what parts of a machine do
+_LOCAL = tuple(_QUANTITIES)[-6:]
 # radius of the fillets that stand in for sharp corners, over the beam's thickness
 _FILLET = 0.3
 # of all that depends on the whole solution, once elements at a re-entrant right angle are small: twice the exponent of
@@ -141,8 +143,10 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
             except SolveError as failure:
                 notes.append(f"{element} at {size:g} mm: left out: {failure}")
             reporter.advance(f"{element} at {size:g} mm")
-    # edges at which gel and tissue turn inwards, or meet, are in every bot, with fillets, too
-    limits = _limits(rows, plan, CORNER_ORDER if design.kind == "bot" else math.inf)
+    # edges at which gel and tissue turn inwards, or meet, are in every bot, with fillets, too; in a graded mesh the
+    # elements at these have the ratio of the sizes asked for, of which the mean size knows little
+    most, graded = CORNER_ORDER if design.kind == "bot" else math.inf, layout(design).grading != "even"
+    limits = _limits(rows, plan, most, graded)
     if not limits:
         raise SolveError("convergence: found no element with a state on three meshes, expected one")
     refined = refined_finding(design, plan.rounds, sizes[0], rows, figures, reporter) if plan.rounds else None
@@ -150,7 +154,7 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
         radius = rounded.value("skeleton.fillet_radius")
         notes.append(f"the peak in a fillet is that of the design with fillets of {radius:.3g} mm at its corners")
     remarks = [f"{element}, {_QUANTITIES[name]}: {_told(found)}" for (element, name), found in limits.items()]
-    remarks += [told for element in plan.elements for told in _energy_told(rows, limits, element)]
+    remarks += [told for element in plan.elements for told in energy_told(rows, limits, element)]
     return Finding(
         {
             "wanted_error_1": plan.wanted,
@@ -243,7 +247,9 @@ def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dic
     return row | {name: found[name] for name in _QUANTITIES if found.get(name) is not None}, state
 
 
-def _limits(rows: Sequence[dict[str, object]], plan: ConvergencePlan, most: float) -> dict[tuple[str, str], Limit]:
+def _limits(
+    rows: Sequence[dict[str, object]], plan: ConvergencePlan, most: float, graded: bool
+) -> dict[tuple[str, str], Limit]:
     """The limit of every quantity that has values on three meshes, by element and name."""
     limits = {}
     for element in plan.elements:
@@ -254,7 +260,8 @@ def _limits(rows: Sequence[dict[str, object]], plan: ConvergencePlan, most: floa
             kept = [r for i, r in enumerate(having) if not i or r["size_mm"] != having[i - 1]["size_mm"]]
             if len(kept) >= 3:
                 sizes, values = ([float(str(row[key])) for row in kept] for key in ("size_mm", name))
-                limits[element, name] = limit(sizes, values, plan.wanted, most)
+                asked = [float(str(row["asked_size_mm"])) for row in kept[-3:]]
+                limits[element, name] = limit(sizes, values, plan.wanted, most, asked[0] / asked[2] if graded else None)
     return limits
 
 
@@ -273,14 +280,16 @@ def _told(found: Limit) -> str:
     return f"converged: {text}"
 
 
-def _energy_told(rows: Sequence[dict[str, object]], limits: dict[tuple[str, str], Limit], element: str) -> list[str]:
-    """Whose energy the rest of the change is, where the machine's has not converged."""
+def energy_told(rows: Sequence[dict[str, object]], limits: dict[tuple[str, str], Limit], element: str) -> list[str]:
+    """That it is the rings' energy which changes, where the machine's has not converged and the rest does less."""
     whole = limits.get((element, "strain_energy_uJ"))
     if whole is None or whole.verdict is Verdict.converged or (element, "ring_energy_uJ") not in limits:
         return []
     own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
     energy, rings = (np.array([row[name] for row in own[-2:]]) for name in ("strain_energy_uJ", "ring_energy_uJ"))
     change, without = (100.0 * abs(float(e[1] / e[0]) - 1.0) for e in (energy, energy - rings))
+    if without >= change:
+        return []
     return [
         f"{element}, strain energy: {rings[1]:.3g} of {energy[1]:.4g} uJ are the rings', which are squeezed onto the "
         "edges of their pillars, about which their fibres turn; without these its last change is "
@@ -318,17 +327,24 @@ def _draw(
     limits: dict[tuple[str, str], Limit],
     figures: Path,
 ) -> list[tuple[Path, str]]:
-    """Every quantity over its value on the finest mesh, one picture an element."""
+    """Every quantity over its value on the finest mesh: what the whole does, and stress and energy by part."""
     found = []
     for element in dict.fromkeys(element for element, _ in limits):
         own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
         sizes = [float(str(row["size_mm"])) for row in own]
-        curves = {
-            _QUANTITIES[name]: (sizes, [float(str(row[name])) / float(str(own[-1][name])) for row in own])
-            for element_of, name in limits
-            if element_of == element and float(str(own[-1][name])) != 0.0
-        }
-        file = figures / f"convergence_{element}.png"
-        lines(file, curves, x="mean element size [mm]", y="over the finest [1]", title=f"{design.name}: {element}")
-        found.append((file, f"{element}: every quantity over its value on the finest mesh."))
+        for suffix, words, local in (
+            ("", "what the whole does", False),
+            ("_local", "stress, and energy by part", True),
+        ):
+            curves = {
+                _QUANTITIES[name]: (sizes, [float(str(row[name])) / float(str(own[-1][name])) for row in own])
+                for element_of, name in limits
+                if element_of == element and (name in _LOCAL) == local and float(str(own[-1][name])) != 0.0
+            }
+            if not curves:
+                continue
+            file = figures / f"convergence_{element}{suffix}.png"
+            title = f"{design.name}, {element}: {words}"
+            lines(file, curves, x="mean element size [mm]", y="over the finest [1]", title=title)
+            found.append((file, f"{element}: {words}, over the value on the finest mesh."))
     return found

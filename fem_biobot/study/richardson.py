@@ -71,7 +71,13 @@ class Limit:
     size: float
 
 
-def limit(sizes: Sequence[float], values: Sequence[float], wanted: float, most: float = _ORDERS[1]) -> Limit:
+def limit(
+    sizes: Sequence[float],
+    values: Sequence[float],
+    wanted: float,
+    most: float = _ORDERS[1],
+    ratio: float | None = None,
+) -> Limit:
     """The limit of a quantity from its values on three meshes or more.
 
     Parameters
@@ -85,6 +91,8 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float, most: 
     most
         Order that errors fall with once elements are small, by what is known of the body: a larger one is that of
         meshes which are too coarse still, and is not gone on with beyond the finest [1].
+    ratio
+        Of the last three meshes' sizes, the first to the last, where errors arise; that of `sizes` if None [1].
 
     Returns
     -------
@@ -116,7 +124,7 @@ def limit(sizes: Sequence[float], values: Sequence[float], wanted: float, most: 
     last = v[-1] - v[-2]
     if abs(last) <= 1e-12 * scale:
         return Limit(float(v[-1]), 0.0, math.nan, Verdict.converged, math.nan)
-    apart = h[-3] / h[-1] >= _LEAST_RATIO
+    apart = (h[-3] / h[-1] if ratio is None else ratio) >= _LEAST_RATIO
     order = _order(h[-3:], v[-3:]) if apart else None
     if order is not None and order < _LEAST_ORDER:
         spread = float(np.ptp(v[-3:])) / scale

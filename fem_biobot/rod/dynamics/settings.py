@@ -35,7 +35,8 @@ class Settings:
         Implicit only: a step in which one of the ground's contact points begins or ceases to touch, to stick or to
         slip, or turns its slip round, is made again in so many parts, and so are the two steps after it; 1 for none.
         See `rod.dynamics.run.kernels`. Where the step adapts it is halved toward the change until a part is no longer
-        than one of so many. By default 4, and 32 where it adapts.
+        than one of so many. By default 4, and 128 where it adapts: in longer parts a weak strike's impulse is lost in
+        that of the weight, and a foot that it would release is held.
     largest_error
         Implicit only: adapts the step. It is made in parts of halves, halves of halves and so on, so short that the
         errors of the positions in those of one step, as `rod.dynamics.adaptive.kernels` tells them, add up to no more
@@ -73,7 +74,7 @@ class Settings:
     @property
     def division(self) -> int:
         """`parts`, or what they are by default."""
-        return (4 if self.largest_error is None else 32) if self.parts is None else int(self.parts)
+        return (4 if self.largest_error is None else 128) if self.parts is None else int(self.parts)
 
     def theta(self, step: float) -> float:
         """Weight of the end of the step [1]."""

@@ -762,18 +762,30 @@ FOUND = """
 Two cores shared with much other work; processor seconds of one thread unless said otherwise. Each part was run by
 this program in a process of its own, in several sittings, not all of level full at once.
 
-* The whole path to 14 kPa takes 12 factorisations (in single precision), 26 Newton iterations and 158 of conjugate
-  gradients at 61 617 unknowns: 10.9 s (9.8 and 11.9), where one linear solve takes 0.61 s (factorisation in double
-  precision 0.54): 17.8 linear solves. At 146 757 unknowns 14, 30 and 180: 34.5 s (34.2 and 34.8), one linear solve
-  2.40 s (2.23): 14.4. Both are within the aim of 20. Before, with double precision, one factorisation more for the
+* The whole path to 14 kPa takes 12 factorisations (in single precision), 26 Newton iterations and 159 of conjugate
+  gradients at 61 617 unknowns: 7.6 s (7.5 and 7.7), where one linear solve takes 0.49 s (factorisation in double
+  precision 0.44): 15.5 linear solves. At 146 757 unknowns 13, 32 and 192: 31.9 s (31.4 and 32.4), one linear solve
+  2.25 s (2.11): 14.1. Both are within the aim of 20. Before, with double precision, one factorisation more for the
   stability of every state and a quadratic predictor, 20 factorisations took 15.4 s of 0.52 s for a linear solve: 29.
-* FElupe to 8 kPa at 61 617 unknowns, with pypardiso's `spsolve`: 29 iterations and 78.9 s, where ours takes 16
-  iterations, 9 factorisations and 6.4 s. The path takes it 12.4 times as long, an iteration 6.8 times: both aims (10
+* FElupe to 8 kPa at 61 617 unknowns, with pypardiso's `spsolve`: 29 iterations and 68.8 s, where ours takes 16
+  iterations, 9 factorisations and 5.6 s. The path takes it 12.4 times as long, an iteration 6.8 times: both aims (10
   and 5) are met. With PARDISO's symmetric factorisation of the upper triangle, which a user has to write, an
-  iteration takes 4.3 times as long, short of 5. At 18 816 unknowns the path takes 9.7 times as long, an iteration 5.0
-  times; steps of 1 kPa take 46 iterations there where those of 2 kPa take 29. The ends agree to 9e-9 mm.
+  iteration takes 4.5 times as long: short of 5. At 146 757 unknowns an iteration takes 6.1 and 3.8 times as long. At
+  18 816 unknowns the path takes 9.7 times as long, an iteration 5.0 times; steps of 1 kPa take 46 iterations there
+  where those of 2 kPa take 29. The ends agree to 9e-9 mm.
 * DOLFINx 0.5.2 (Debian's package, MUMPS' symmetric factorisation, OpenBLAS), the same path at 61 617 unknowns: 29
-  iterations and 32.9 s, 5.0 times as long as ours, 2.8 times an iteration. The ends agree to 2e-10 mm.
+  iterations and 27.8 and 26.3 s, 4.9 and 4.8 times as long as ours, 2.7 and 2.6 times an iteration: short of 5. With
+  Debian's reference BLAS, which the package alone brings, it takes 101 s, 10 times an iteration. The ends agree to
+  2e-10 mm.
+* Why no more: of the 0.33 s of an iteration on an idle machine 0.15 are PARDISO's factor and 0.10 its solutions, all
+  that we compile and call between them is 0.06, the one analysis 0.03. The factor runs at 47 Gflop/s, where a product
+  of matrices in single precision does 118; a solution takes 15 ms to read a factor of 80 MB twice, 11 GB/s of the
+  machine's 40. Five times DOLFINx would be 0.19 s an iteration, hardly more than the factors and tangents alone. What
+  was tried: residuals of the first iterations left at 0.02 to 0.1 in place of 0.01 make an iteration cheaper and take
+  23 to 35 of them; giving up old factors after 8 or 10 iterations in place of 12, or not renewing them at the
+  predictor, takes as long within 5 %, after 4 a sixth longer, at 146 757 after 20 a fourteenth less; ordering nodes in
+  place of unknowns would save a fifth of the analysis, PARDISO's block format three fifths of it, which its slower
+  factor and solutions take back.
 * A second thread, on an idle machine, elapsed: at 61 617 unknowns the factorisation takes 0.254 s with one and 0.147 s
   with two (1.72 times as fast), a solution 15.1 and 8.3 ms (1.82), the tangent 16.2 and 8.8 ms (1.84), the residual 2.4
   and 1.4 ms (1.69), the product of matrix and vector 2.2 and 2.3 ms, the path to 8 kPa 5.4 and 4.5 s (1.20: less than
@@ -791,8 +803,8 @@ this program in a process of its own, in several sittings, not all of level full
 # --- what was not looked at -------------------------------------------------------------------------------------------
 
 NOT_LOOKED_AT = """
-FElupe at 146 757 unknowns, more than two threads, other laws, the mixed element, FElupe with a step control of its own,
-other preconditioners.
+FElupe's whole path at 146 757 unknowns, more than two threads, other laws, the mixed element, FElupe with a step
+control of its own, other preconditioners, a factorisation of our own.
 """
 
 

@@ -255,14 +255,16 @@ def _closed(study: Study) -> None:
 #   stroke              1.02 mm       100 %     0.174 mm        170 %     0.041 mm (0.023 to 0.043)   89 %
 #
 # * Afloat the four close four fifths of what parts the strokes, to 3 %; parts about the load that they bear do better
-#   (the cross-check), and are no one model that could walk. Plate and arm matter most, the span takes back some.
+#   (the cross-check), and about one load they walk (`walking_gap.py`). Plate and arm matter most, the span takes back
+#   some.
 # * On the ground the solid makes a quarter of its stroke afloat and the rods a third: feet that stick take the rest.
 #   There the four close half.
 # * Feet are stiff: 3 to 8 N/mm against half a millinewton of friction, less than a thousandth of a millimetre. As
 #   springs they close nothing of the stroke; the step changes by what any change does to a gait with several answers.
 # * A stroke taken over afloat is too short on the ground: with less tension the feet break loose later. It closes most
 #   of the step's difference, and by the wrong way.
-# * What is left of stroke and step is not in the beam, nor in the muscle, nor in soles as springs.
+# * What is left of stroke and step is not in the beam, nor in the muscle, nor in soles as springs: it is in soles that
+#   become narrower, bear friction across the machine and break loose along it before they should (`walking_gap.py`).
 #
 # Not looked at: finer meshes, ensembles of the solid, other frequencies, soles whose points break loose one by one.
 

@@ -141,6 +141,16 @@ class LoadedRods:
         reporter.advance(f"rods at load to {tensions[len(states) - 1]:.3g} kPa")
         return observed, states
 
+    def about(self, tensions: Sequence[float]) -> RodSide:
+        """Rods about what their parts bear at the last of tensions that rise [kPa]: one model, which can walk.
+
+        Raises
+        ------
+        SolveError
+            No state there.
+        """
+        return self._settled(tensions, None)[0]
+
     def _settled(self, tensions: Sequence[float], bearing: Bearing | None) -> tuple[RodSide, Observed, RodState]:
         """Side and state at the last of the tensions about which its constants are."""
         size = np.diff(self.reduced.rods[0].points[:, 0])

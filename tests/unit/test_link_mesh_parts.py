@@ -234,6 +234,20 @@ def test_a_clamped_junction_lifts_the_line_of_its_pull(parts: Parts, mesh: BodyM
     assert stretches_of(parts[1], points)[0] > stretches_of(parts[1], points)[5]
 
 
+def test_rods_about_a_load_are_those_found_there(parts: Parts, mesh: BodyMesh) -> None:
+    """The one model about a tension has the state that was found there; at another tension it has another.
+
+    Catches: rods about the first tension, or by unit loads.
+    """
+    rods = LoadedRods(DESIGN, reduce(DESIGN), *parts, mesh)
+    found = [each.numbers["tip_closing_mm"] for each in rods.states([3.0, TENSION], at_load.Silent())[0]]
+    about = rods.about([3.0, TENSION]).states([3.0, TENSION], at_load.Silent())[0]
+    closing = [each.numbers["tip_closing_mm"] for each in about]
+    # what the constants settle to
+    assert closing[1] == pytest.approx(found[1], rel=1e-6)
+    assert abs(closing[0] / found[0] - 1.0) > 1e-3
+
+
 def test_energy_at_load_begins_as_that_of_linear_rods(parts: Parts, mesh: BodyMesh) -> None:
     """At small tension, where rods are linear, that is what the rods themselves store, beam and muscle.
 

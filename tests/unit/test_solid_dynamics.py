@@ -13,7 +13,7 @@ from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.friction.ground import Ground
 from fem_biobot.material import ActiveStress, ForceVelocity, NeoHooke
 from fem_biobot.material.conventions import Convention
-from fem_biobot.solid.dynamics.body import moving_body
+from fem_biobot.solid.dynamics.body import holding, moving_body
 from fem_biobot.solid.dynamics.contact import untouched
 from fem_biobot.solid.dynamics.feet import feet_of
 from fem_biobot.solid.dynamics.integrate import rigid_velocity, solid_dynamics
@@ -196,6 +196,26 @@ def test_a_ground_stops_the_chosen_points_alone() -> None:
     assert motion.contact_force[-1, :, 0].sum() == pytest.approx(9810.0 * body.total_mass, rel=1e-3)
     with pytest.raises(ModelError, match="no point of 'z1' chosen"):
         feet_of(body, ["z0", "z1"]).only(np.arange(2 * len(whole.nodes)) < len(whole.nodes))
+
+
+def test_unknowns_that_are_held_stay_and_the_others_move() -> None:
+    """A shrinking block whose sole keeps its width moves on the sole lengthwise alone; its supports do no work.
+
+    Catches: unknowns of another axis, a tangent without the rows taken out, a body that has supports already.
+    """
+    body = moving_body(_model("P2"), DENSITY, damping_time=1e-3, free=True)
+    nodes = feet_of(body, ["z0"]).nodes
+    still = holding(body, 3 * nodes + 1)
+    motion = solid_dynamics(still, 0.02, 2e-3, drive=lambda t: 1.0)
+    u = motion.u[-1]
+    others = np.setdiff1d(np.arange(u.shape[1]), nodes)
+    assert not u[1, nodes].any()
+    assert np.abs(u[1, others]).max() > 1e-3
+    assert np.abs(u[0, nodes]).max() > 1e-3
+    assert np.abs(motion.energy("supports")).max() == 0.0
+    assert np.abs(motion.energy_error).max() < 1e-6 * np.abs(motion.energy("muscle")).max()
+    with pytest.raises(ModelError, match="found a body with supports"):
+        holding(still, 3 * nodes)
 
 
 def test_a_motion_goes_on_from_its_checkpoint() -> None:

@@ -18,6 +18,7 @@ from fem_biobot.solid.mass import density_of, mass_matrix
 from fem_biobot.solid.model import SolidModel
 from fem_biobot.solid.prescribed import Prescribed
 from fem_biobot.solid.records import numbers
+from fem_biobot.solid.space import Ints
 from fem_biobot.solid.surfaces import scatter
 from fem_biobot.solid.system import System
 
@@ -135,6 +136,21 @@ def moving_body(
     wetted = None if drag is None else drag_term(drag, model.mesh, system)
     mass = mass_matrix(system, model.mesh, densities)
     return MovingBody(model, system, mass, weight, viscosity, node_mass, wetted)
+
+
+def holding(body: MovingBody, dofs: Ints) -> MovingBody:
+    """The same body with unknowns held as drawn, numbered 3 node + axis, (k,); of one that is free until then."""
+    system = body.system
+    if system.held.dofs.size or system.surfaces or system.n_pressures:
+        raise ModelError("holding: found a body with supports, foundations or pressures, expected one without")
+    dofs, pattern = np.unique(dofs), system.pattern
+    fixed = np.zeros(system.n_dofs, dtype=bool)
+    fixed[dofs] = True
+    rows = np.repeat(np.arange(system.n_dofs), np.diff(pattern.starts))
+    still = Prescribed((), sparse.csr_matrix((len(dofs), 0)), sparse.csr_matrix((0, 0)), np.zeros((3, 0)), 1.0)
+    held = replace(system.held, dofs=dofs, prescribed=still)
+    blocked = np.flatnonzero(fixed[rows] | fixed[pattern.columns])
+    return replace(body, system=replace(system, held=held, blocked=blocked, diagonal=pattern.starts[:-1][dofs]))
 
 
 def released(system: System) -> System:

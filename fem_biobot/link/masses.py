@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.design import Design
+from fem_biobot.errors import ModelError
 from fem_biobot.link.observed import Array, Ints
 from fem_biobot.link.strip import STRIP
 from fem_biobot.mesh.body import BodyMesh
@@ -56,6 +57,11 @@ def with_masses(model: RodModel, design: Design, mesh: BodyMesh) -> RodModel:
     design, mesh
         What it is of.
 
+    Raises
+    ------
+    ModelError
+        A mesh too coarse for the nodes of the beam.
+
     Notes
     -----
     Rotary inertia of the beam is that of its mass: sections with stiffness from a mesh have moments of area that are no
@@ -73,6 +79,12 @@ def with_masses(model: RodModel, design: Design, mesh: BodyMesh) -> RodModel:
     for name, side in zip(PILLARS, (-1.0, 1.0), strict=True):
         own = gel.body(density, name, outside & (side * gel.X[0] > 0.0))
         bodies[name] = replace(own, boxes=bodies[name].boxes)
+    bare = np.setdiff1d(np.arange(len(x)), nearest[~outside])
+    if len(bare):
+        raise ModelError(
+            f"mesh: found no gel next to x = {x[bare[0]]:.4g} mm, expected some at each of the {len(x)} nodes of "
+            f"{beam.name} (a finer mesh)"
+        )
     pieces = [gel.body(density, f"{beam.name}_{i}", ~outside & (nearest == i)) for i in range(len(x))]
     joints = [*model.joints, *(Rigid((beam.name, i), (piece.name, piece.centre)) for i, piece in enumerate(pieces))]
     rods = [replace(beam, mass=0.0)]

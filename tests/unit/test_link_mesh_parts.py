@@ -216,6 +216,15 @@ def test_masses_of_the_mesh_are_those_of_its_boxes(mesh: BodyMesh, parts: Parts)
     assert free == pytest.approx(6.0 * 2.2 * 0.4, rel=1e-12)
 
 
+def test_a_mesh_too_coarse_for_the_beams_nodes_is_refused(mesh: BodyMesh) -> None:
+    """More nodes than there is gel beside: told before a body without mass is made.
+
+    Catches: a node without mass that is passed on, gel of the pillars counted as the beam's.
+    """
+    with pytest.raises(ModelError, match=r"mesh: found no gel next to x = .* each of the 2001 nodes of beam"):
+        with_masses(reduce(DESIGN, beam_elements=2000), DESIGN, mesh)
+
+
 def test_a_clamped_junction_lifts_the_line_of_its_pull(parts: Parts, mesh: BodyMesh) -> None:
     """Its middle stands above the line between its ends, by more than the rings alone lift it.
 

@@ -264,7 +264,8 @@ def _closed(study: Study) -> None:
 # * A stroke taken over afloat is too short on the ground: with less tension the feet break loose later. It closes most
 #   of the step's difference, and by the wrong way.
 # * What is left of stroke and step is not in the beam, nor in the muscle, nor in soles as springs: it is in soles that
-#   become narrower, bear friction across the machine and break loose along it before they should (`walking_gap.py`).
+#   the rings pinch, which bear friction across the machine and break loose along it before they should
+#   (`walking_gap.py`).
 #
 # Not looked at: finer meshes, ensembles of the solid, other frequencies, soles whose points break loose one by one.
 

@@ -217,9 +217,9 @@ def run(level: str) -> Study:
 # * Beside the rods (0.128 to 0.144 mm for seven of eight starts, 0.031 mm for one) the solid's step is less than
 #   half. What parts them is the jump from static to kinetic friction: with 0.3 for both the solid makes 0.054 mm a
 #   step (7440 unknowns, 2 ms) and the rods 0.067, a fifth apart; 0.42 / 0.3 doubles the rods' step and leaves the
-#   solid's about where it was. A rigid sole breaks loose at all its corners at once. A compliant one becomes narrower
-#   as the beam bends, its points bear friction across the machine and break loose with less along it, one after the
-#   other: the whole foot hardly feels the static coefficient (`walking_gap.py`).
+#   solid's about where it was. A rigid sole breaks loose at all its corners at once. The muscle's
+#   rings pinch a compliant one: its points bear friction across the machine and break loose with less along it, one
+#   after the other, and the whole foot hardly feels the static coefficient (`walking_gap.py`).
 # * The stroke is 0.28 mm, the rods' 0.38 mm, with equal coefficients 0.30 and 0.43 mm: seven tenths either way. Half
 #   of that is stiffness: floating, full drive closes the solid by 1.04 mm and the rods (no plate factor) by 1.20 mm.
 #   The rest is the same 2 % afloat, seen in a stroke that the ground has shortened (`walking_gap.py`).

@@ -13,6 +13,7 @@ Run: ``python studies/walking_gap.py [--level smoke|full] [--out FOLDER]``; ten 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -30,6 +31,7 @@ from fem_biobot.link.at_load import parts_of
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.geometry import build_mesh
+from fem_biobot.muscle.fibres import in_junction
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.ensemble import walk_ensemble
 from fem_biobot.rod.model import RodModel
@@ -38,6 +40,8 @@ from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.walk import walk
 from fem_biobot.solid.dynamics.body import MovingBody, holding
 from fem_biobot.solid.dynamics.feet import Feet, feet_of
+from fem_biobot.solid.from_design import tension_step
+from fem_biobot.solid.model import SolidModel, SolidState, solve
 from fem_biobot.solid.standing import FEET, stand
 from fem_biobot.solid.walk import solid_walk, walking_body
 from fem_biobot.study.outputs import write_table
@@ -124,10 +128,11 @@ STIFF = "solid on stiff corners"
 
 @dataclass
 class Study:
-    """Closing afloat, one row for each machine in each limit, and courses of the short foot's friction by phase."""
+    """Closing afloat, a row for each machine in each limit, how soles narrow, the short foot's friction by phase."""
 
     afloat: list[Row] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
+    soles: list[Row] = field(default_factory=list)
     courses: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     unknowns: int = 0
 
@@ -152,6 +157,25 @@ def corners_of(body: MovingBody) -> Feet:
         ends = [(X[i, own].min(), X[i, own].max()) for i in (0, 1)]
         chosen |= own & np.isclose(X[0][:, None], ends[0]).any(axis=1) & np.isclose(X[1][:, None], ends[1]).any(axis=1)
     return feet.only(chosen)
+
+
+def narrowing(body: MovingBody, rest: SolidState, full: SolidState) -> float:
+    """By how much the outer edge of the short sole becomes shorter from one state to another [mm]."""
+    feet = corners_of(body)
+    X = rest.X[:, feet.nodes]
+    outer = (feet.owner == 0) & np.isclose(X[0], X[0].min())
+    moved = (full.u - rest.u)[1, feet.nodes[outer]]
+    return float(-np.sum(np.sign(X[1, outer]) * moved))
+
+
+def rings_alone(design: Design, model: SolidModel, tensions: list[float]) -> Sequence[SolidState]:
+    """States of the solid afloat whose rings alone pull, not the junction between them."""
+    muscle, mesh = model.active["muscle"], model.mesh
+    X = mesh.points[:, mesh.cells[:, mesh.regions["muscle"]]].mean(axis=1)
+    share = np.where(in_junction(design, X), 0.0, 1.0)
+    changed = replace(muscle, tension=muscle.tension * share, standing=muscle.standing * share)
+    parts = (mesh, model.materials, {"muscle": changed}, model.supports, model.loads)
+    return solve(SolidModel(*parts, element=model.element), [tension_step(design, T) for T in tensions]).states
 
 
 def stiffened(body: MovingBody) -> MovingBody:
@@ -185,6 +209,9 @@ def _row(machine: str, limit: Limit, walks: list[Any]) -> Row:
     """Medians over walks; forces of the kept time."""
     steps = [w.step_mm for w in walks]
     force = [w.foot_force[w.times > w.stroke_ends[w.kept.start] + 1e-9] for w in walks]
+    points = [w.motion.contact_force[w.times > w.stroke_ends[w.kept.start] + 1e-9] for w in walks]
+    # of points that bear more than a twentieth of a millinewton
+    across = [float((np.abs(p[..., 2]) / np.maximum(p[..., 0], 1e-9))[p[..., 0] > 0.05].max()) for p in points]
     ratio = [float((np.abs(f[:, :, 1]) / np.maximum(f[:, :, 0], 1e-9)).max()) for f in force]
     return {
         "machine": machine,
@@ -197,6 +224,7 @@ def _row(machine: str, limit: Limit, walks: list[Any]) -> Row:
         "largest_normal_mN": float(np.median([f[:, :, 0].max() for f in force])),
         "friction_swing_mN": float(np.median([np.ptp(f[:, 0, 1]) for f in force])),
         "friction_over_normal_1": float(np.median(ratio)),
+        "across_over_normal_1": float(np.median(across)),
         "slip_short_1": float(np.median([w.foot_slips[0] for w in walks])),
         "slip_long_1": float(np.median([w.foot_slips[1] for w in walks])),
         "contact_1": float(np.median([w.foot_contacts.min() for w in walks])),
@@ -218,7 +246,8 @@ def run(level: str) -> Study:
     mesh = build_mesh(design, size=size.size)
     rest, half, _ = tensions = [design.tension(drive) for drive in (0.0, 0.5, 1.0)]
     side = SolidSide(design, mesh)
-    solid = [state.numbers["tip_closing_mm"] for state in side.states(tensions, Silent())[0]]
+    seen, states = side.states(tensions, Silent())
+    solid = [each.numbers["tip_closing_mm"] for each in seen]
     study.unknowns = side.model.n_dofs
     plain = reduce(design)
     parts = parts_of(design, mesh, plain, RodSide(design, plain).states(tensions, Silent()), Silent())
@@ -232,6 +261,9 @@ def run(level: str) -> Study:
         (SOLID, solid),
     ):
         study.afloat.append({"machine": name, "rest_mm": float(found[0]), "full_mm": float(found[-1])})
+    for where, found in (("muscle", states), ("rings", rings_alone(design, side.model, tensions))):
+        narrower = narrowing(walking_body(design, mesh), found[0], found[-1])
+        study.soles.append({"tension_in": where, "narrowing_mm": narrower})
     for limit in size.limits:
         pace = size.paces[limit.pace]
         own = design.with_values({"ground.static_friction": limit.static, "ground.kinetic_friction": limit.kinetic})
@@ -301,36 +333,37 @@ def causes(study: Study) -> list[Row]:
 #   0.3/0.3, slow, stroke  0.393        0.310        0.281                                0.290
 #   0.3/0.3, stroke        0.427        0.338        0.304                       0.310    0.309
 #            step          0.066        0.042        0.055                       0.044    0.053
-#   0.42/0.3, slow, stroke 0.412        0.404        0.370                                0.290
-#   0.42/0.3, stroke       0.428        0.305        0.256        0.293          0.291    0.266
-#             step         0.149        0.098        0.076        0.089          0.000    -0.008
-#                     from 0.141, 0.158 0.089, 0.109 0.071, 0.083
+#   0.42/0.3, slow, stroke 0.358        0.409        0.369                                0.290
+#   0.42/0.3, stroke       0.419        0.333        0.265        0.293          0.291    0.266
+#             step         0.145        0.109        0.082        0.089          0.000    -0.008
+#                     from 0.132, 0.158 0.092, 0.109 0.074, 0.083
 #
-#   cause -> share of the difference between rods and solid (0.12 and 0.16 mm of stroke, 0.16 mm of step)
+#   cause -> share of the difference between rods and solid (0.12 and 0.15 mm of stroke, 0.15 mm of step)
 #                               stroke, 0.3/0.3  stroke, 0.42/0.3  step, 0.42/0.3
-#   stiffness of parts at load       75 %             75 %              33 %
-#   closing left afloat (2.3 %)      28 %             30 %              14 %
-#   width of soles                                     1 %              57 %
-#   points between corners            1 %             15 %               5 %
-#   left                             -5 %            -23 %              -8 %
+#   stiffness of parts at load       75 %             56 %              24 %
+#   closing left afloat (2.3 %)      28 %             45 %              17 %
+#   width of soles                                     2 %              59 %
+#   points between corners            1 %             16 %               5 %
+#   left                             -5 %            -18 %              -5 %
 #
 # * With one coefficient of friction nothing is left: rods with the stiffness of the solid's parts and its closing
-#   afloat have its stroke within 3 % (slowly 0.281 for 0.290, at 2 Hz 0.304 for 0.309 mm), its step within 3 %, its
-#   forces within 4 %. Feet that hold bear friction that swings by 1.435 mN in the solid, 1.455 and 1.438 in the rods.
+#   afloat have its stroke within 3 % (slowly 0.281 for 0.290, at 2 Hz 0.304 for 0.309 mm), its forces
+#   within 4 %, its step within 3 % (closer than that is worth: see below). Feet that hold bear friction that swings by
+#   1.435 mN in the solid, 1.455 and 1.438 in the rods.
 # * A stroke on the ground is a small difference: of 1.36 mm that full drive closes the machine by afloat, weight and
 #   friction take three fifths, and 0.25 mm of the rest is there from the start, since the long foot lies flat until
 #   it tips over its outer edge. 2.3 % too much closing afloat are therefore a tenth of the stroke.
 # * Slowly and with one coefficient no machine goes anywhere: the step of 0.3 / 0.3 is inertia's. Constants of the rods
 #   that move the stroke by 4 % move it from 0.042 to 0.054 mm, points between the corners from 0.044 to 0.053 mm.
-# * Where friction jumps, soles part the models. A beam that arches curves the other way across, and the soles become
-#   narrower: between rest and full drive by 0.022 mm at the short one's outer edge, afloat. Feet that stick bear that
-#   as friction across the machine, up to 0.39 of the normal force. Corners then break loose with less along it, slip
-#   by hundredths of a millimetre a second, and have the kinetic coefficient before the foot begins to slide. Rigid
-#   soles know none of it: the foot's friction goes to 0.42, falls to 0.3, and the fall throws the machine forward. The
-#   solid on corners that keep their distance does the same, and steps by 0.089 mm in place of nothing (0.105 and 0.003
-#   on the mesh of level smoke).
+# * Where friction jumps, soles part the models. The rings are tissue that pulls, too, and pinch the pillars: between
+#   rest and full drive the outer edge of the short sole becomes shorter by 0.022 mm, afloat, and all of it with rings
+#   that pull alone. Feet that stick bear that as friction across the machine, up to 0.38 of the normal force. Corners
+#   then break loose with less along it and have the kinetic coefficient before the foot begins to slide. Rigid soles
+#   know none of it: the foot's friction goes to 0.42, falls to 0.3, and the fall throws the machine forward. The solid
+#   on corners that keep their distance does the same, and steps by 0.089 mm in place of nothing (0.105 and 0.003 on the
+#   mesh of level smoke).
 # * With whole soles, slowly, the solid's stroke is the same to 0.1 % with 0.42 and with 0.3: statically its soles do
-#   not feel the jump at all; the rods' stroke grows by three tenths.
+#   not feel the jump at all; the strokes of rods change by a tenth to a third.
 # * Not the time step: 0.3 / 0.3 at 1 ms, stroke 0.309 mm and step 0.055 mm. Not what the integrator takes either, 0.002
 #   of 0.2 uJ a stroke (`solid_walk.py`).
 # * Left: where friction jumps, strokes and steps depend on when a foot sticks again. A fifth of the stroke's difference
@@ -368,6 +401,10 @@ def expect(study: Study, level: str) -> None:
     assert hold > 0.38, f"stiff corners: break loose at {hold:.3g} of their load"
     swing = soft["friction_swing_mN"] / stiff["friction_swing_mN"]
     assert swing < 0.95, f"corners: friction swings by {swing:.3g} of what corners that keep their distance bear"
+    assert soft["across_over_normal_1"] > 0.2, f"corners: bear {soft['across_over_normal_1']:.2g} of their load across"
+    whole, rings = (row["narrowing_mm"] for row in study.soles)
+    assert whole > 0.01, f"soles: become narrower by {whole:.2g} mm"
+    assert abs(rings / whole - 1.0) < 0.2, f"rings: make {rings / whole:.2g} of what soles become narrower by"
     assert abs(soft["step_mm"]) < 0.5 * stiff["step_mm"], "corners: step as if they kept their distance"
     if level == "full":
         swing = [study.value(name, HELD, "friction_swing_mN") for name in (LOADED, SOLID)]
@@ -383,13 +420,14 @@ def tables(study: Study) -> list[Table]:
         names = tuple(rows[0])
         return Table(title, names, tuple(tuple(row[name] for name in names) for row in rows))
 
-    return [table("Closing afloat", study.afloat), table("Walks", study.rows), table("Causes", causes(study))]
+    parts = {"Closing afloat": study.afloat, "Soles": study.soles, "Walks": study.rows, "Causes": causes(study)}
+    return [table(title, rows) for title, rows in parts.items()]
 
 
 def write(study: Study, folder: Path) -> None:
     """Tables and a picture."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, found in zip(("afloat", "walks", "causes"), tables(study), strict=True):
+    for name, found in zip(("afloat", "soles", "walks", "causes"), tables(study), strict=True):
         write_table(folder / f"{name}.csv", [dict(zip(found.header, row, strict=True)) for row in found.rows])
     figure = Figure(figsize=(12.5, 4.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)

@@ -47,6 +47,7 @@ def test_the_study_refuses_what_parts_no_walks() -> None:
         (module.SOLID, module.SLOW_ONE, "step_mm", 0.1, "without inertia"),
         (module.CORNERS, module.PUBLISHED, "friction_swing_mN", 1.0, "corners: friction"),
         (module.CORNERS, module.PUBLISHED, "step_mm", 0.1, "corners: step"),
+        (module.CORNERS, module.PUBLISHED, "across_over_normal_1", 0.1, "corners: bear"),
         (module.STIFF, module.PUBLISHED, "friction_over_normal_1", 0.31, "stiff corners"),
         (module.RODS, module.PUBLISHED, "friction_over_normal_1", 0.5, "more friction"),
     ):
@@ -60,4 +61,8 @@ def test_the_study_refuses_what_parts_no_walks() -> None:
     ):
         found = copy.deepcopy(smoke_of("walking_gap"))
         next(row for row in found.afloat if row["machine"] == machine)[key] = value
+        refuses(lambda found=found: module.expect(found, "smoke"), word)
+    for k, word in ((0, "soles: become"), (1, "rings: make")):
+        found = copy.deepcopy(smoke_of("walking_gap"))
+        found.soles[k]["narrowing_mm"] = 0.0
         refuses(lambda found=found: module.expect(found, "smoke"), word)

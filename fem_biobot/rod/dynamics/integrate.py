@@ -99,7 +99,8 @@ def dynamics(
     Notes
     -----
     Order two in smooth motion and one across impacts and changes of stick and slip (see `rod.dynamics.kernels`). A step
-    that does not converge is halved, never accepted.
+    that does not converge is halved, never accepted. Where the step adapts (`Settings.largest_error`, see
+    `rod.dynamics.adaptive.kernels`) drive and loads are linear within a step, however short its parts.
     """
     for what, value in (("duration", duration), ("step", step)):
         good = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)

@@ -77,7 +77,8 @@ class Motion:
     drive
         Of the muscles, (s,) [1].
     steps, iterations, factorisations, halved, divided
-        How much work it was, how many steps had to be halved, and how many were divided because contact changed.
+        How much work it was, how many steps had to be halved, and how many were divided because contact changed. Where
+        the step adapts: how many tries were undone and made again in halves, and how many steps were made in parts.
     largest_residual
         Of the steps accepted, relative: of momentum for implicit steps (as `Settings.tolerance`), of the contact
         problem for explicit ones.

@@ -118,7 +118,7 @@ class LoadedRods:
         side = self.side()
         seen, states = side.states(tensions, Silent())
         turns = [float(np.deg2rad(each.numbers["pillar_rotation_deg"])) for each in seen]
-        approach = [self._bearing(side, state).approach for state in states]
+        approach = [self.bearing(side, state).approach for state in states]
         return [Pull(each.tension, *by) for each, *by in zip(seen, approach, turns, strict=True)]
 
     def states(self, tensions: Sequence[float], reporter: Reporter) -> tuple[list[Observed], list[RodState]]:
@@ -134,7 +134,7 @@ class LoadedRods:
                     raise
                 reporter.note(f"rods at load: nothing above {tensions[k - 1]:.3g} kPa: {failure}")
                 break
-            bearing = self._bearing(side, state)
+            bearing = self.bearing(side, state)
             stored = parts_of_energy(*self._stored(side, state, bearing))
             observed.append(replace(seen, numbers={**seen.numbers, **stored}))
             states.append(state)
@@ -159,7 +159,7 @@ class LoadedRods:
             observed, states = side.states(tensions, Silent())
             if len(states) < len(tensions):
                 raise SolveError(f"found no state at {tensions[-1]:.3g} kPa", None)
-            before, bearing = bearing, self._bearing(side, states[-1])
+            before, bearing = bearing, self.bearing(side, states[-1])
             changed = [] if before is None else [np.abs(bearing.curvature - before.curvature) * size]
             if before is not None and before.stretch is not None and bearing.stretch is not None:
                 changed += [np.abs(bearing.stretch - before.stretch)]
@@ -177,7 +177,7 @@ class LoadedRods:
             return of_beam, state.energy - side.beam_energy(state)
         return of_beam, self.strip.stored(bearing.approach)
 
-    def _bearing(self, side: RodSide, state: RodState) -> Bearing:
+    def bearing(self, side: RodSide, state: RodState) -> Bearing:
         """What the parts bear in a state."""
         beam = side.model.rods[0]
         natural = 0.0 if beam.natural_curvature is None else np.asarray(beam.natural_curvature)[:, 0]

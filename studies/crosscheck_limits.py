@@ -29,7 +29,7 @@ from fem_biobot.files import replacing
 from fem_biobot.link.alone import MuscleAlone, Pull, heights
 from fem_biobot.link.at_load import parts_of
 from fem_biobot.link.expected import causes
-from fem_biobot.link.firm import line_of_pull
+from fem_biobot.link.firm import line_height
 from fem_biobot.link.folding import Folding
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.sections import closed_forms, flexibility
@@ -160,7 +160,7 @@ def rooted(design: Design, size: float) -> float:
     tension, shorter, turn = HALF
     pull, mesh = Pull(tension, shorter * design.span, turn), mesh_for(design, size)[0]
     strip = strip_from_mesh(design, mesh, [pull])
-    of_rod = line_of_pull(design, reduce(design), strip, pull, 1.0).height
+    of_rod = line_height(design, reduce(design), strip, pull, 1.0, np.full(len(strip.EA), 1.0 - shorter))[0]
     return (float(strip.height[0, 1]) - of_rod) / (turn * design.moment_arm)
 
 

@@ -5,10 +5,10 @@ Question
 Rods about the load that they bear take every constant from loads on skeleton and muscle alone. What is left between
 them and the machine's solid, is it the muscle's or the skeleton's? Each part of the mesh by itself is moved, or loaded,
 as the rods move or load it: the muscle's bonds come together and turn as the rods' pillars do, the skeleton bears the
-force and the couple of the rods' muscle. Rods whose junction bends as unit loads say, and resists as one that is not
-turned, stand beside those whose turned ends hold the line of pull, and pull, as the muscle's do.
+force and the couple of the rods' muscle. Rods whose junction bends as unit loads say stand beside those whose turned
+ends hold the line of pull as the muscle's do.
 
-Run: ``python studies/parts_alone.py [--level smoke|full] [--out FOLDER]``; four minutes at level full.
+Run: ``python studies/parts_alone.py [--level smoke|full] [--out FOLDER]``; two minutes at level full.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from fem_biobot.link.crosscheck import tensions_of
 from fem_biobot.link.parts import BONDS, balanced, part_of
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.solid_side import SolidSide
-from fem_biobot.link.strip import STRIP, pulled
+from fem_biobot.link.strip import STRIP
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.progress import show_tables
@@ -82,8 +82,7 @@ def run(level: str) -> Study:
     mesh, reduced, tensions = mesh_for(design)[0], reduce(design), tensions_of(design)
     made = parts_of(design, mesh, reduced, RodSide(design, reduced).states(tensions, Silent()), Silent())
     assert made.strip is not None
-    raw = pulled(design, mesh, made.strip, made.pulls(tensions))
-    plain = replace(raw, height=np.zeros_like(raw.height))
+    plain = replace(made.strip, firmness=np.ones_like(made.strip.firmness), height=np.zeros_like(made.strip.height))
     study = Study()
     for name, rods in ((UNIT, replace(made, strip=plain)), (FIRM, made)):
         observed, states = rods.states(tensions, Silent())
@@ -168,7 +167,7 @@ def expect(study: Study) -> None:
     assert -0.08 < unit["muscle_arm_over_rods_1"] < -0.03, "by unit loads: the arm is right"
     assert abs(unit["muscle_force_over_rods_1"]) < 0.02, "by unit loads: the muscle itself is off"
     assert abs(firm["muscle_arm_over_rods_1"]) < 0.01, "firm: the arm is off"
-    assert abs(firm["muscle_force_over_rods_1"]) < 0.01, "firm: the muscle's force is off"
+    assert abs(firm["muscle_force_over_rods_1"]) < 0.02, "firm: the muscle's force is off"
     for row in study.rows:
         assert abs(row["skeleton_turn_over_rods_1"]) < 0.015, f"the skeleton is off at {row['tension_kPa']:.3g} kPa"
 
@@ -176,20 +175,16 @@ def expect(study: Study) -> None:
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 FOUND = """
-Level full (mesh of the default size), four minutes. Of a part of the mesh over the rods', less 1:
+Level smoke (mesh of 2 mm), at 10.4 kPa. Of a part of the mesh over the rods', less 1:
 
                                 force of the muscle   arm of its pull   turn of the skeleton
-  bending by unit loads
-    2.3 kPa                     +0.3 %                -1.2 %            -0.3 %
-    6.8 kPa                     +0.8 %                -3.2 %            -0.7 %
-    10.4 kPa                    +1.2 %                -4.2 %            -1.0 %
-  ends as firm as the muscle's
-    2.3 kPa                     0.0 %                 0.0 %             -0.3 %
-    6.8 kPa                     -0.1 %                -0.1 %            -0.7 %
-    10.4 kPa                    -0.2 %                -0.1 %            -0.9 %
+  bending by unit loads         +0.8 %                -4.5 %            -0.8 %
+  ends as firm as the muscle's  -1.4 %                -0.1 %            -0.7 %
 
 * It was the muscle, and of it the arm: turned ends lift the line of its pull by more than bending by unit loads says.
-* With firm ends the muscle is the rods' to 0.2 %; the skeleton, which turns a little less than their beam, is left.
+* With firm ends the rods' muscle pulls by a percent more than the mesh's, and their beam turns by as little more than
+  the skeleton: that is left. To take the resistance too from turned bonds makes muscle and rod agree to 0.2 % here, but
+  finds no state where tissue is shortened by more, as under a beam of 0.5 mm.
 """
 
 # --- what was not looked at -------------------------------------------------------------------------------------------

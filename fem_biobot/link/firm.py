@@ -11,15 +11,13 @@ it by a fifth to a third less than the muscle does:
 
 So the bonds of the muscle's mesh are turned, at load, and the height of the line of pull above the strip's ends is
 read from the couple that they bear. What it is without a turn counts as the height of the rod's ends; its bending
-stiffness is then the one with which the rod, its ends turned as far, pulls along the same line, and its resistance the
-one with which it pulls as hard.
+stiffness is then the one with which the rod, its ends turned as far, pulls along the same line.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,14 +27,12 @@ from fem_biobot.link.alone import Pull
 from fem_biobot.link.observed import rotation
 from fem_biobot.link.strip import STRIP, StripSections, stretches_of, with_strip
 from fem_biobot.rod.model import RodModel, RodState
-from fem_biobot.rod.records import Hold, Muscle
+from fem_biobot.rod.records import Hold
 from fem_biobot.rod.statics import RodStep, statics
 from fem_biobot.study.reporter import Reporter
 
 # change of a stretch, and of the height that is asked for over itself, at which they are taken as found
 _SETTLED, _CLOSE = 1e-5, 1e-3
-# first step of a factor's logarithm; share of a height beyond which it is told that no factor gives it
-_STEP, _NEAR = 0.2, 0.01
 _MOST = 20
 # factors on the bending stiffness that are tried; beyond, shear is all that gives
 _RANGE = (0.1, 10.0)
@@ -45,7 +41,7 @@ _RANGE = (0.1, 10.0)
 def made_firm(
     design: Design, reduced: RodModel, strip: StripSections, pulls: Sequence[Pull], reporter: Reporter
 ) -> StripSections:
-    """The strip with the bending stiffness, and the resistance, that its own pulls with turned bonds ask for.
+    """The strip with the factors on its bending stiffness that its own pulls ask for.
 
     Parameters
     ----------
@@ -61,83 +57,53 @@ def made_firm(
     Raises
     ------
     SolveError
-        A pull at which the rod finds no state, or not the muscle's force.
+        A pull at which the rod finds no state.
     """
-    for k, pull in enumerate(pulls):
-        if pull.turn:
-            strip = _firm_at(design, reduced, strip, k, pull, reporter)
-        elif k:
-            strip = replace(strip, firmness=_changed(strip.firmness, k, strip.firmness[k - 1]))
-    return strip
-
-
-def _changed(values: np.ndarray, k: int, value: float | np.ndarray) -> np.ndarray:
-    found = values.copy()
-    found[k] = value
-    return found
-
-
-def _firm_at(
-    design: Design, reduced: RodModel, strip: StripSections, k: int, pull: Pull, reporter: Reporter
-) -> StripSections:
-    """The strip whose line of pull and whose force at one of its pulls are the muscle's."""
-    factor = float(strip.firmness[max(k - 1, 0)])
-    for _ in range(_MOST):
-        factor, line = _factor(design, reduced, strip, pull, float(strip.height[k, 1]), factor)
-        strip = replace(strip, firmness=_changed(strip.firmness, k, factor))
-        missing = float(strip.force[k]) - line.force
-        if abs(missing) < _CLOSE * abs(strip.force[k]):
-            break
-        # a turned strip goes a longer way than a straight one, and is pressed together by less
-        strip = replace(strip, passive=_changed(strip.passive, k, strip.passive[k] + missing))
-    else:
-        raise SolveError(f"junction alone: found no force of {strip.force[k]:.3g} mN at {pull.tension:.3g} kPa", None)
-    if abs(line.height - strip.height[k, 1]) > _NEAR * abs(strip.height[k, 1]):
-        reporter.note(
-            f"junction at {pull.tension:.3g} kPa: its line of pull is {strip.height[k, 1]:.3g} mm above its ends; the "
-            f"rods' is {line.height:.3g} mm, with bending {factor:.3g} times as stiff"
-        )
-    return strip
+    found: list[float] = []
+    for pull, (_, wanted) in zip(pulls, strip.height, strict=True):
+        before = found[-1] if found else 1.0
+        found.append(_factor(design, reduced, strip, pull, wanted, before, reporter) if pull.turn else before)
+    return replace(strip, firmness=np.array(found))
 
 
 def _factor(
-    design: Design, reduced: RodModel, strip: StripSections, pull: Pull, wanted: float, before: float
-) -> tuple[float, Line]:
-    """With which the rod's line of pull is as high as wanted [mm], or nearly, and that line; secants in logarithms."""
-    low, high = np.log(_RANGE)
-    one = float(np.clip(np.log(before), low, high - _STEP))
-    two = one + _STEP
-    line = line_of_pull(design, reduced, strip, pull, np.exp(one))
-    if abs(line.height - wanted) < _CLOSE * abs(wanted):
-        return float(np.exp(one)), line
-    first = line.height
-    line = line_of_pull(design, reduced, strip, pull, np.exp(two), line.stretch)
-    for _ in range(_MOST):
-        if abs(line.height - wanted) < _CLOSE * abs(wanted) or line.height == first or two == one:
-            break
-        ahead = float(np.clip(two + (wanted - line.height) * (two - one) / (line.height - first), low, high))
-        one, two, first = two, ahead, line.height
-        line = line_of_pull(design, reduced, strip, pull, np.exp(ahead), line.stretch)
-    return float(np.exp(two)), line
-
-
-class Line(NamedTuple):
-    """Height of a rod's line of pull above the strip's ends [mm], its force [mN], and the rod's stretches, (s,) [1]."""
-
-    height: float
-    force: float
-    stretch: np.ndarray
-
-
-def line_of_pull(
     design: Design,
     reduced: RodModel,
     strip: StripSections,
     pull: Pull,
-    firmness: float,
-    stretch: np.ndarray | None = None,
-) -> Line:
-    """Along which a rod pulls whose ends are moved as a pull moves the bonds; its stretches are looked for from some.
+    wanted: float,
+    before: float,
+    reporter: Reporter,
+) -> float:
+    """With which the rod's line of pull is as high as wanted [mm]: secants through logarithms, from a guess."""
+    stretch = np.full(len(strip.EA), 1.0 - pull.approach / design.span)
+
+    def height(factor: float) -> float:
+        nonlocal stretch
+        found, stretch = line_height(design, reduced, strip, pull, factor, stretch)
+        return found
+
+    low, high = np.log(_RANGE)
+    one, two = np.log(before), np.log(before) + 0.2
+    first, second = height(np.exp(one)), height(np.exp(two))
+    for _ in range(_MOST):
+        if abs(second - wanted) < _CLOSE * abs(wanted):
+            return float(np.exp(two))
+        if second == first or two == one:
+            break
+        ahead = np.clip(two + (wanted - second) * (two - one) / (second - first), low, high)
+        one, two, first, second = two, ahead, second, height(np.exp(ahead))
+    reporter.note(
+        f"junction at {pull.tension:.3g} kPa: its line of pull is {wanted:.3g} mm above its ends; the rods' is "
+        f"{second:.3g} mm, with bending {np.exp(two):.3g} times as stiff"
+    )
+    return float(np.exp(two))
+
+
+def line_height(
+    design: Design, reduced: RodModel, strip: StripSections, pull: Pull, firmness: float, stretch: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Height of a rod's line of pull above the strip's ends as the bonds move them [mm], and its stretches, from some.
 
     Raises
     ------
@@ -145,20 +111,13 @@ def line_of_pull(
         No state, or stretches about which the constants do not settle.
     """
     rise = strip.clamped(pull.approach)[1]
-    if stretch is None:
-        stretch = np.full(len(strip.EA), 1.0 - pull.approach / design.span)
     for _ in range(_MOST):
         state = _held(design, reduced, strip, pull, firmness, rise, stretch)
         points = state.points(STRIP)
         before, stretch = stretch, stretches_of(strip, points)
         if np.abs(stretch - before).max() < _SETTLED:
-            middle = (len(points) - 1) // 2
-            muscle = state.model.members[middle]
-            assert isinstance(muscle, Muscle)
-            force = state.muscle_force(muscle.name) + float(state.resultants(STRIP)[0][middle, 2])
             # the vertical force is none, so the line is level, and at mid-length there is no couple
-            height = float(points[len(points) // 2, 2]) - design.value("muscle.junction_height")
-            return Line(height, force, stretch)
+            return float(points[len(points) // 2, 2]) - design.value("muscle.junction_height"), stretch
     raise SolveError(f"junction alone: found no end within {_MOST} rounds at {pull.tension:.3g} kPa", None)
 
 

@@ -67,8 +67,6 @@ class StripSections:
         the whole muscle beyond that at the same tension and unmoved bonds [uJ], (p + 1,) each.
     height
         Of the line of each pull above the ends of the strip, with bonds as they are and turned, (p, 2) [mm].
-    force
-        Of the pulls with turned bonds, (p,) [mN].
     firmness
         Factor on the bending stiffness at load with which a rod's line of pull is as high, (p,) [1]; see `link.firm`.
     """
@@ -85,7 +83,6 @@ class StripSections:
     approach: Array
     energy: Array
     height: Array
-    force: Array
     firmness: Array
 
     def clamped(self, approach: float) -> tuple[float, float]:
@@ -176,7 +173,7 @@ def strip_from_mesh(design: Design, mesh: BodyMesh, pulls: Sequence[Pull] = ()) 
     least = L / (_STIFFEST_SHEAR * G * design.junction_section)
     sideways = L / max(C[1, 1] - L**3 / (12.0 * lateral), least)
     pull = own / little
-    unloaded = (none, none, zero, zero, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    unloaded = (none, none, zero, zero, np.zeros((0, 2)), np.zeros(0))
     return pulled(design, mesh, StripSections(x, EA, EI, lateral, L / C[3, 3], sideways, pull, *unloaded), pulls)
 
 
@@ -203,7 +200,6 @@ def pulled(design: Design, mesh: BodyMesh, found: StripSections, pulls: Sequence
         approach=np.array([0.0, *(p.approach for p in pulls)]),
         energy=np.array([0.0, *stored]),
         height=np.column_stack([straight, bent]),
-        force=np.array([reaction(state, alone.middle)[0] for state in turned]),
         firmness=np.ones(len(pulls)),
     )
 

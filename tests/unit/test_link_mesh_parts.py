@@ -12,7 +12,7 @@ from fem_biobot.errors import MeshError, ModelError, SolveError
 from fem_biobot.link import at_load, firm
 from fem_biobot.link.alone import Pull
 from fem_biobot.link.at_load import LoadedRods
-from fem_biobot.link.firm import line_of_pull, made_firm
+from fem_biobot.link.firm import line_height, made_firm
 from fem_biobot.link.masses import cloud, with_masses
 from fem_biobot.link.parts import BONDS, balanced, part_of, wrench
 from fem_biobot.link.sections import MeshSections, closed_forms, sections_from_mesh, with_sections
@@ -292,7 +292,8 @@ def firm_strip(parts: Parts) -> StripSections:
 
 
 def _height(strip: StripSections, pull: Pull, firmness: float) -> float:
-    return line_of_pull(DESIGN, reduce(DESIGN), strip, pull, firmness).height
+    drawn = np.full(len(strip.EA), 1.0 - pull.approach / DESIGN.span)
+    return line_height(DESIGN, reduce(DESIGN), strip, pull, firmness, drawn)[0]
 
 
 def test_turned_ends_lift_a_firm_junction_as_they_lift_the_muscle(parts: Parts, firm_strip: StripSections) -> None:
@@ -301,13 +302,8 @@ def test_turned_ends_lift_a_firm_junction_as_they_lift_the_muscle(parts: Parts, 
     Catches: bonds turned outwards, the couple of one bond, a factor on the bending across, ends that do not rise.
     """
     for pull, (still, turned), factor in zip(PULLS, parts[1].height, firm_strip.firmness, strict=True):
-        assert _height(firm_strip, pull, factor) == pytest.approx(turned, rel=2e-3)
+        assert _height(firm_strip, pull, factor) == pytest.approx(turned, rel=1e-3)
         assert still < _height(firm_strip, pull, 1.0) < 0.92 * turned
-    # and it pulls as hard, where the force of straight pulls alone is some percent more
-    for pull, force, factor in zip(PULLS, parts[1].force, firm_strip.firmness, strict=True):
-        made, plain = (line_of_pull(DESIGN, reduce(DESIGN), s, pull, factor) for s in (firm_strip, parts[1]))
-        assert made.force == pytest.approx(force, rel=2e-3)
-        assert 1.001 < plain.force / force < 1.05
     # the rings are lower than the strip, so it is lifted where nothing turns; pillars of rigid rings would lift it more
     muscle = DESIGN.value("muscle")
     assert muscle.ring_offset < 0.0
@@ -351,7 +347,7 @@ def test_a_line_of_pull_that_no_bending_gives_is_told(parts: Parts, monkeypatch:
             self.notes.append(text)
 
     strip, reduced = parts[1], reduce(DESIGN)
-    of_pulls = {name: getattr(strip, name)[:1] for name in ("stretch", "passive", "force", "firmness")}
+    of_pulls = {name: getattr(strip, name)[:1] for name in ("stretch", "passive", "firmness")}
     from_none = {name: getattr(strip, name)[:2] for name in ("approach", "energy")}
     one = replace(strip, height=strip.height[:1] * np.array([1.0, 9.0]), **of_pulls, **from_none)
     made = made_firm(DESIGN, reduced, one, PULLS[:1], Told())

@@ -30,8 +30,9 @@ def content_of(path: Path) -> str:
     """
     try:
         return "sha256 " + hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise FileError(f"{one_line(str(path))}: cannot be read ({error.strerror}), expected a file") from None
+    except (OSError, ValueError) as error:  # the latter of a name that no file can have
+        why = getattr(error, "strerror", None) or error
+        raise FileError(f"{one_line(str(path))}: cannot be read ({why}), expected a file") from None
 
 
 def named_in(table: Table) -> dict[str, tuple[Table, str]]:

@@ -160,7 +160,8 @@ def walk_ensemble(
     listener
         Given the number and each walk, in the order of the numbers.
     threads
-        Walks made side by side: the compiled steps hold no lock, and each walk is the same whatever runs beside it.
+        Walks made side by side: the compiled steps hold no lock, and each motion is the same whatever runs beside it.
+        An interrupt waits for those under way.
     keywords
         Of `walk`.
 
@@ -185,7 +186,7 @@ def walk_ensemble(
             "settings": settings_of(machine),
         }
         given |= {"amplitude": machine.drive.amplitude, "waveform": machine.drive}
-        keywords = given | keywords
+        keywords = given | {name: value for name, value in keywords.items() if value is not None}
     assert isinstance(model, RodModel)
     keywords |= {} if frequency is None else {"frequency": frequency}
     ground = ground or Ground()

@@ -120,14 +120,14 @@ def walk(
     if sample_every is None:
         sample_every = _sampling(round(1.0 / (frequency * step)))
     first = begin.time if isinstance(begin, Checkpoint) else 0.0
-    clock = time.process_time()
+    clock = time.thread_time()
     motions = list(before)
 
     def made() -> Walk:
         motion = joined(motions)
         strokes = math.floor((motion.times[-1] - motion.times[0]) * frequency + 1e-6)
         left_out = min(math.ceil(_TRANSIENT * frequency - 1e-9), strokes // 2) if discard is None else discard
-        spent = time.process_time() - clock
+        spent = time.thread_time() - clock
         name = driven.description.waveform
         return Walk(motion, frequency, driven.size, name, step, left_out, stood, design, happened(motion), (), spent)
 

@@ -102,6 +102,7 @@ def test_digests_see_the_content_of_files_and_not_their_place(tmp_path: Path) ->
             DesignError,
             "no image b.tif, expected one of: a.tif",
         ),
+        ('fibres = "a\\u0000b"', [], FileError, r"muscle.fibres: .*cannot be read \(embedded null byte\)"),
         (
             'fibres = "smoth"',
             [],

@@ -14,9 +14,11 @@ from fem_biobot.friction.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.adaptive.kernels import AFTER_CHANGE, FINEST, UNSETTLED
 from fem_biobot.rod.dynamics.integrate import Motion, Settings, dynamics
 from fem_biobot.rod.dynamics.run.kernels import AFTER
-from fem_biobot.rod.ensemble import walk_ensemble
+from fem_biobot.rod.ensemble import Nudge, nudged, walk_ensemble
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.records import PointLoad
+from fem_biobot.rod.reduce import reduce
+from fem_biobot.rod.rest import stance
 from fem_biobot.rod.walk import walk
 from fem_biobot.verification.contact import MASS, G, block
 
@@ -82,6 +84,22 @@ def test_steps_of_one_length_release_within_a_part(static: float) -> None:
         motion = dynamics(pulled(1.0, 0.0), end, STEP, ground=Ground(static, KINETIC), settings=settings)
         late = abs(float(motion.v[-1, 0, 0]) - exact) / ((static - KINETIC) * G)
         assert late < STEP / parts
+
+
+@pytest.mark.parametrize("share", [0.8, 0.84, 0.88, 0.92])
+def test_a_release_soon_after_another_change_is_found_as_well(share: float) -> None:
+    """A block that slid and stopped breaks loose in the first whole steps after those in parts, within a part of when.
+
+    Catches: friction carried on from the part before as if that had been a whole step.
+    """
+    loose, end = (5 + share) * STEP, 11 * STEP
+    static = RISE * loose / (G * MASS)
+    model = pulled(1.0, 0.0)
+    start = replace(model.drawn(), v=np.array([[-60.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+    settings = Settings(dissipation=0.0, parts=16)
+    motion = dynamics(model, end, STEP, ground=Ground(static, 0.8 * static), start=start, settings=settings)
+    exact = RISE / MASS * (end**2 - loose**2) / 2.0 - 0.8 * static * G * (end - loose)
+    assert abs(motion.v[-1, 0, 0] - exact) < 0.2 * static * G * STEP / 16
 
 
 def test_a_foot_gives_way_where_both_directions_together_do() -> None:
@@ -245,6 +263,21 @@ def test_parts_that_fail_at_the_shortest_length_end_the_run() -> None:
     assert np.isfinite(error.value.best.x).all()
 
 
+@pytest.mark.parametrize("number", [0, 3])
+def test_a_strike_that_rings_on_is_passed(number: int) -> None:
+    """Starts from which the junction bot strikes the ground so that its velocities jump on for many short parts.
+
+    Catches: halves without end, which no error however large for one part would stop.
+    """
+    design = load_design("junction_bot", ["muscle.passive_tension = 0.9 kPa", "muscle.active_tension = 2.7 kPa"])
+    model, ground = reduce(design, beam_elements=4), Ground(0.42, 0.3)
+    start = nudged(stance(model, ground), Nudge(), np.random.default_rng([20180417, number]))
+    motion = dynamics(model, 3e-3, 5e-4, ground=ground, start=start, settings=Settings(largest_error=2e-7))
+    assert motion.times[-1] == pytest.approx(3e-3)
+    assert motion.halved < 6 * FINEST  # tries, of which a passage to the shortest parts takes one a level
+    assert np.abs(motion.energy_error).max() < 1e-6 * np.abs(motion.energy("kinetic")).max()
+
+
 # ---- from a design
 
 
@@ -260,6 +293,9 @@ def test_a_design_may_ask_for_an_error() -> None:
     plain = walk(load_design("junction_bot"), **given).motion
     assert np.array_equal(asked.x, told.x)
     assert asked.divided > plain.divided
-    assert walk_ensemble(design, starts=1, **given).walks[0].motion.iterations > plain.iterations
+    usual = walk_ensemble(load_design("junction_bot"), starts=1, **given).walks[0].motion
+    for settings in ({}, {"settings": None}):
+        together = walk_ensemble(design, starts=1, **settings, **given).walks[0].motion
+        assert together.divided > usual.divided
     with pytest.raises(DesignError, match=r"numerics\.largest_error"):
         load_design("junction_bot", ["numerics.largest_error = 0 mm"])

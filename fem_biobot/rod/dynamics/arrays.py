@@ -34,7 +34,10 @@ class State(NamedTuple):
     strain, lengths
         Element strains (m, 6) and member lengths (k,).
     alert
-        Steps to come that are divided because contact has changed, (1,).
+        Steps to come that are divided because contact has changed, (1,); where the step adapts the level of its parts
+        and how many of them there are since a change, see `rod.dynamics.adaptive.kernels`.
+    length
+        Of the last step or part of one, (1,) [s]; 0 before any.
     """
 
     x: Array
@@ -48,6 +51,7 @@ class State(NamedTuple):
     strain: Array
     lengths: Array
     alert: Ints
+    length: Array
 
 
 # entries of the energy book, in this order [uJ]; the first three are states, the others sums over time

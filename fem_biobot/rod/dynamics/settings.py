@@ -34,13 +34,15 @@ class Settings:
     parts
         Implicit only: a step in which one of the ground's contact points begins or ceases to touch, to stick or to
         slip, or turns its slip round, is made again in so many parts, and so are the two steps after it; 1 for none.
-        See `rod.dynamics.run.kernels`. Where the step adapts it is halved toward the change until a part is no longer
-        than one of so many. By default 4, and 128 where it adapts: in longer parts a weak strike's impulse is lost in
-        that of the weight, and a foot that it would release is held.
+        See `rod.dynamics.run.kernels`. Where the step adapts it is halved toward the change, for touches of other parts
+        as well, until a part is no longer than one of so many; it and the eight parts after it are held to no error.
+        By default 4, and 128 where it adapts: in longer parts a weak strike's impulse is lost in that of the weight,
+        and a foot that it would release is held.
     largest_error
         Implicit only: adapts the step. It is made in parts of halves, halves of halves and so on, so short that the
         errors of the positions in those of one step, as `rod.dynamics.adaptive.kernels` tells them, add up to no more
-        than this for any node [mm]; steps add theirs up. By default every step is as long as asked for.
+        than this for any node [mm], but for the parts about a change of contact (see `parts`); steps add theirs up. By
+        default every step is as long as asked for.
     """
 
     integrator: Integrator = Integrator.implicit

@@ -50,7 +50,8 @@ def state_of(assembly: Assembly, start: RodState) -> State:
     v = np.array(start.v, dtype=float)
     v[assembly.inertia.held == 1] = 0.0
     no_contact = (np.zeros((c, 3)), np.full(c, STICK, dtype=np.int64), np.zeros((c, 2)))
-    return State(x, Q, v, np.zeros((n, 6)), *no_contact, np.zeros((j, 6)), strain, lengths, np.zeros(1, dtype=np.int64))
+    none_yet = (np.zeros(1, dtype=np.int64), np.zeros(1))
+    return State(x, Q, v, np.zeros((n, 6)), *no_contact, np.zeros((j, 6)), strain, lengths, *none_yet)
 
 
 def fits(state: State, like: State) -> bool:

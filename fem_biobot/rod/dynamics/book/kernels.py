@@ -96,3 +96,4 @@ def accept(assembly, system, state, h, theta, load_factor, work, book, tally):
     copy(work.joint1, state.joint)
     copy(work.strain, state.strain)
     copy_row(work.lengths, state.lengths)
+    state.length[0] = h

@@ -238,13 +238,15 @@ def _used(foot, f, plane, impulse):
 
 
 @njit(**INNER, **BORROWS)
-def gives_way(foot, n_feet, plane, state, work):
-    """Whether a foot that sticks through a converged step is past its static friction at the end of it.
+def gives_way(foot, n_feet, plane, state, work, h):
+    """Whether a foot that sticks through a converged step of length `h` is past its static friction at the end of it.
 
-    A step's impulses are those of its middle. What friction is used there and in the step before is carried on by half
-    a step; impulses of a foot are summed, since how its corners share them is not determined. Where static friction is
-    the kinetic one nothing is released, and nothing told. To be called after `settle_contacts`.
+    A step's impulses are those of its middle. What friction is used there and in the middle of the step before, whose
+    length may be another, is carried on by half of this step; impulses of a foot are summed, since how its corners
+    share them is not determined. Where static friction is the kinetic one nothing is released, and nothing told. To be
+    called after `settle_contacts`.
     """
+    on = h / (h + state.length[0])  # half of this step over the time between the middles
     for f in range(n_feet):
         drops = False
         sticks = True
@@ -257,8 +259,8 @@ def gives_way(foot, n_feet, plane, state, work):
             continue
         x0, y0 = _used(foot, f, plane, state.impulse)
         x1, y1 = _used(foot, f, plane, work.p)
-        x = x1 + 0.5 * (x1 - x0)
-        y = y1 + 0.5 * (y1 - y0)
+        x = x1 + on * (x1 - x0)
+        y = y1 + on * (y1 - y0)
         if x * x + y * y > 1.0:  # not for no number
             return True
     return False

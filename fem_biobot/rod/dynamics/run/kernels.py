@@ -29,8 +29,8 @@ AFTER = 2  # steps after one with a change of contact that are divided, too
 
 
 @njit(**INNER, **BORROWS)
-def contact_changes(grounded, system, plane, state, work):
-    """Whether a contact changes between lifted, stick and slip in the step, or turns its slip, or a foot gives way."""
+def contact_changes(grounded, system, plane, state, work, h):
+    """Whether a contact changes between lifted, stick and slip in a step of length `h`, turns its slip or gives way."""
     if grounded == 0:
         return False
     settle_contacts(work)
@@ -39,7 +39,7 @@ def contact_changes(grounded, system, plane, state, work):
             return True
         if state.touch[i] == SLIP and (state.slide[i, 0] * work.slid[i, 0] + state.slide[i, 1] * work.slid[i, 1] < 0.0):
             return True
-    return gives_way(system.foot, system.touching.shape[0], plane, state, work)
+    return gives_way(system.foot, system.touching.shape[0], plane, state, work, h)
 
 
 @njit(**INNER, **BORROWS)
@@ -55,6 +55,7 @@ def copy_state(state, to):
     copy(state.strain, to.strain)
     copy_row(state.lengths, to.lengths)
     copy_row(state.alert, to.alert)
+    copy_row(state.length, to.length)
 
 
 @njit(**INNER, **BORROWS)
@@ -126,7 +127,7 @@ def implicit_run(
                         copy_row(work.kept_book, book)
                         copy(work.kept_tally, tally)
                     return i, outcome, iterations, factorisations, worst, divided
-                if parts > 1 and contact_changes(grounded, system, plane, state, work):
+                if parts > 1 and contact_changes(grounded, system, plane, state, work, length):
                     changes = True
                     if count == 1:
                         break

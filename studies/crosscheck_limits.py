@@ -234,7 +234,7 @@ def strained(level: str) -> list[Row]:
     design = load_design(DESIGN).with_values({"mesh.size": SIZE[level]})
     mesh, tensions = mesh_for(design)[0], sorted(TENSIONS[level], reverse=True)
     reduced = reduce(design)
-    rods = parts_of(design, mesh, reduced, RodSide(design, reduced).states(sorted(tensions), Silent()), Silent())
+    rods = parts_of(design, mesh, reduced, RodSide(design, reduced).states(sorted(tensions), Silent())[0], Silent())
     none = 1e-3
     levels = [none, *sorted(tensions)]
     solid, by_unit_loads = (side.states(levels, Silent())[0] for side in (SolidSide(design, mesh), rods.side()))

@@ -36,10 +36,13 @@ def parts_of(
     design: Design,
     mesh: BodyMesh,
     reduced: RodModel,
-    path: tuple[Sequence[Observed], Sequence[RodState]],
+    seen: Sequence[Observed],
     reporter: Reporter,
 ) -> LoadedRods:
-    """Constants of skeleton and junction by loads on each alone, as large as those on a path of rods in closed form.
+    """Constants of skeleton and junction by loads on each alone.
+
+    Loads are as large as rods bear them: the skeleton's those of rods in closed form, the junction's those of rods
+    whose parts are measured by unit loads.
 
     Parameters
     ----------
@@ -47,12 +50,12 @@ def parts_of(
         A bot of two pillars, and its mesh.
     reduced
         From `reduce`, with as many elements in the beam as there are stretches.
-    path
-        What was observed of `reduced`, by rising tension, and its states.
+    seen
+        What was observed of `reduced`, by rising tension.
     reporter
-        Told of a stage and each part.
+        Told of a stage and each part, and noted where the junction is not measured up to the last tension, or not well.
     """
-    seen, junction = path[0], design.value("muscle.layout") == "junction"
+    junction = design.value("muscle.layout") == "junction"
     reporter.stage("parts of the mesh under loads", 5 if junction else 2)
     sections = sections_from_mesh(design, mesh, [each.numbers["muscle_force_mN"] for each in seen])
     reporter.advance("skeleton")
@@ -63,6 +66,11 @@ def parts_of(
         # rods in closed form come together by a seventh more; those of unit loads are near what the machine will bear
         rods = LoadedRods(design, reduced, sections, strip, mesh)
         pulls = rods.pulls([each.tension for each in seen])
+        if len(pulls) < len(seen):
+            reporter.note(
+                f"junction: rods by unit loads find no state above {pulls[-1].tension:.3g} kPa; from there to "
+                f"{seen[-1].tension:.3g} kPa its constants are those of its last pull: compare smaller tensions"
+            )
         strip = pulled(design, mesh, strip, pulls)
         reporter.advance("junction under pulls")
         strip = made_firm(design, reduced, strip, pulls, reporter)

@@ -240,7 +240,7 @@ def crosscheck(
     if mesh is None:
         mesh, more = mesh_for(design)
         notes += more
-    plain = RodSide(design, rods).states(levels, Silent())
+    plain, _ = RodSide(design, rods).states(levels, Silent())
     parts = parts_of(design, mesh if parts_mesh is None else parts_mesh, rods, plain, reporter)
     sides: dict[Stiffness, RodSide | LoadedRods] = {
         Stiffness.closed_form: RodSide(design, rods),

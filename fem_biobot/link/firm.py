@@ -28,7 +28,7 @@ from fem_biobot.link.observed import rotation
 from fem_biobot.link.strip import STRIP, StripSections, stretches_of, with_strip
 from fem_biobot.rod.model import RodModel, RodState
 from fem_biobot.rod.records import Hold
-from fem_biobot.rod.statics import RodStep, statics
+from fem_biobot.rod.statics import RodStep, reaction, statics
 from fem_biobot.study.reporter import Reporter
 
 # change of a stretch, and of the height that is asked for over itself, at which they are taken as found
@@ -48,7 +48,7 @@ def made_firm(
     design, reduced
         What it is of, and its rods from `reduce`.
     strip
-        From `strip_from_mesh` with these pulls.
+        From `pulled` with these pulls.
     pulls
         Of which those without a turn say nothing: their factor is that of the one before, or 1.
     reporter
@@ -87,16 +87,16 @@ def _factor(
     one, two = np.log(before), np.log(before) + 0.2
     first, second = height(np.exp(one)), height(np.exp(two))
     for _ in range(_MOST):
-        if abs(second - wanted) < _CLOSE * abs(wanted):
-            return float(np.exp(two))
-        if second == first or two == one:
+        if abs(second - wanted) < _CLOSE * abs(wanted) or second == first or two == one:
             break
         ahead = np.clip(two + (wanted - second) * (two - one) / (second - first), low, high)
         one, two, first, second = two, ahead, second, height(np.exp(ahead))
-    reporter.note(
-        f"junction at {pull.tension:.3g} kPa: its line of pull is {wanted:.3g} mm above its ends; the rods' is "
-        f"{second:.3g} mm, with bending {np.exp(two):.3g} times as stiff"
-    )
+    if not abs(second - wanted) < _CLOSE * abs(wanted):
+        reporter.note(
+            f"junction at {pull.tension:.3g} kPa: its line of pull is {wanted:.3g} mm above its ends, the rods' "
+            f"{second:.3g} mm with bending {np.exp(two):.3g} times as stiff, the nearest found; trust the rods' arm "
+            "no further, and try a finer mesh"
+        )
     return float(np.exp(two))
 
 
@@ -116,8 +116,10 @@ def line_height(
         points = state.points(STRIP)
         before, stretch = stretch, stretches_of(strip, points)
         if np.abs(stretch - before).max() < _SETTLED:
-            # the vertical force is none, so the line is level, and at mid-length there is no couple
-            return float(points[len(points) // 2, 2]) - design.value("muscle.junction_height"), stretch
+            # from the ends' couples, as in `alone.heights`: a short or slack strip has one at mid-length, too
+            held = [(points[end, 2], reaction(state, (STRIP, end))) for end in (0, -1)]
+            lines = [z + wrench[4] / wrench[0] for z, wrench in held]
+            return float(np.mean(lines)) - design.value("muscle.junction_height"), stretch
     raise SolveError(f"junction alone: found no end within {_MOST} rounds at {pull.tension:.3g} kPa", None)
 
 

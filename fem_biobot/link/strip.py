@@ -89,14 +89,23 @@ class StripSections:
         """Firmness [1] and height of the line of pull [mm] at an approach of the bonds; beyond the pulls as there."""
         if len(self.approach) == 1:
             return 1.0, 0.0
+        self._must_approach()
         at = float(np.clip(approach, *self.approach[[1, -1]]))
         if len(self.approach) == 2:
             return float(self.firmness[0]), float(self.height[0, 0])
         firmness, height = (PchipInterpolator(self.approach[1:], v)(at) for v in (self.firmness, self.height[:, 0]))
         return float(firmness), float(height)
 
+    def _must_approach(self) -> None:
+        """Pulls of bonds that do not come together say nothing of what their approach does."""
+        if not (np.diff(self.approach) > 0.0).all():
+            raise ModelError(
+                f"pulls: found approaches {self.approach[1:].tolist()} mm, expected some above 0 that rise"
+            )
+
     def stored(self, approach: float) -> float:
         """Passive energy of the muscle by an approach of its bonds [uJ]; beyond the last pull with its last modulus."""
+        self._must_approach()
         small = 0.5 / float((np.diff(self.x) / self.EA).sum())
         modulus = np.concatenate([[small], self.energy[1:] / self.approach[1:] ** 2])
         if len(modulus) == 1:
@@ -182,6 +191,20 @@ def pulled(design: Design, mesh: BodyMesh, found: StripSections, pulls: Sequence
 
     Each is made thrice: with bonds that come together without a turn, with bonds that turn as well, and, for what is
     stored, with bonds that do not move.
+
+    Parameters
+    ----------
+    design, mesh
+        What `found` is of.
+    found
+        From `strip_from_mesh`.
+    pulls
+        At large, in the order of a path; where approaches do not rise, `StripSections.clamped` and `stored` refuse.
+
+    Raises
+    ------
+    SolveError
+        A pull that finds no equilibrium.
     """
     if not pulls:
         return found

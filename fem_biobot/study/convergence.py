@@ -46,7 +46,14 @@ _QUANTITIES = {
     "fillet_von_mises_kPa": "von Mises, peak in a fillet",
 }
 # of these, what parts of a machine do
-_LOCAL = tuple(_QUANTITIES)[-6:]
+_LOCAL = (
+    "skeleton_energy_uJ",
+    "junction_energy_uJ",
+    "ring_energy_uJ",
+    "ball_von_mises_kPa",
+    "max_von_mises_kPa",
+    "fillet_von_mises_kPa",
+)
 # radius of the fillets that stand in for sharp corners, over the beam's thickness
 _FILLET = 0.3
 # of all that depends on the whole solution, once elements at a re-entrant right angle are small: twice the exponent of

@@ -46,8 +46,8 @@ def measured_finding(
     """Tension and modulus from measured deflections, by rods of the design's parts."""
     reduced = reduce(design)
     top = max(design.tension(drive) for drive in (0.0, design.drive.amplitude))
-    path = RodSide(design, reduced).states([share * top for share in (0.2, 0.5, 1.0, 1.4)], Silent())
-    rods = parts_of(design, mesh, reduced, path, reporter)
+    plain, _ = RodSide(design, reduced).states([share * top for share in (0.2, 0.5, 1.0, 1.4)], Silent())
+    rods = parts_of(design, mesh, reduced, plain, reporter)
     reporter.stage("rods of other moduli", 7)
     table = deflections(design, rods, reporter)
     asked = [tuple(names)] if names else sought(data)

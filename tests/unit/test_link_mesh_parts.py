@@ -15,6 +15,7 @@ from fem_biobot.link.at_load import LoadedRods
 from fem_biobot.link.firm import line_height, made_firm
 from fem_biobot.link.masses import cloud, with_masses
 from fem_biobot.link.parts import BONDS, balanced, part_of, wrench
+from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.sections import MeshSections, closed_forms, sections_from_mesh, with_sections
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.link.strip import STRIP, StripSections, stretches_of, strip_from_mesh, with_strip
@@ -119,6 +120,43 @@ def test_pulls_at_large_give_force_and_slope(parts: Parts) -> None:
     assert (strip.resistance(strip.stretch[1])[1] > strip.EA).all()
     bare = replace(strip, stretch=strip.stretch[:0], passive=strip.passive[:0])
     np.testing.assert_allclose(bare.resistance(at)[0], strip.EA * (at - 1.0), rtol=1e-12)
+
+
+def test_bonds_that_do_not_come_together_tell_nothing_of_an_approach(parts: Parts) -> None:
+    """Pulls without an approach are refused where one is asked for, by the line that names what was found.
+
+    Catches: a division by no approach, a curve through points that do not rise.
+    """
+    still = replace(parts[1], approach=np.zeros_like(parts[1].approach))
+    for ask in (still.stored, still.clamped):
+        with pytest.raises(ModelError, match=r"found approaches .* expected some above 0 that rise"):
+            ask(0.1)
+
+
+def test_rods_that_stop_early_leave_a_note(mesh: BodyMesh, parts: Parts, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where rods by unit loads find no state further on, the junction is measured no further, and that is told.
+
+    Catches: constants of the last pull used above it without a word.
+    """
+
+    class Told(Silent):
+        notes: list[str] = []
+
+        def note(self, text: str) -> None:
+            self.notes.append(text)
+
+    monkeypatch.setattr(at_load, "sections_from_mesh", lambda *_: parts[0])
+    monkeypatch.setattr(at_load, "strip_from_mesh", lambda *_: parts[1])
+    monkeypatch.setattr(at_load, "pulled", lambda *_: parts[1])
+    monkeypatch.setattr(at_load, "made_firm", lambda *_: parts[1])
+    monkeypatch.setattr(LoadedRods, "pulls", lambda *_: PULLS[:1])
+    reduced = reduce(DESIGN, beam_elements=16)
+    seen, _ = RodSide(DESIGN, reduced).states([p.tension for p in PULLS], Silent())
+    at_load.parts_of(DESIGN, mesh, reduced, seen, told := Told())
+    assert told.notes == [
+        "junction: rods by unit loads find no state above 3 kPa; from there to 6 kPa its constants are those of its "
+        "last pull: compare smaller tensions"
+    ]
 
 
 def test_the_muscle_stores_what_its_pulls_did(parts: Parts) -> None:

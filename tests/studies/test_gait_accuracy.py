@@ -70,12 +70,12 @@ def test_the_study_refuses_steps_that_did_not_converge_and_gaits_that_part() -> 
         ({"change_pct": 0.1, "stroke_change_pct": 0.6}, "stroke"),
     ):
         found = copy.deepcopy(smoke())
-        found.gaits[1].update({"variant": module.FINE_MESH} | change)
+        found.gaits[1].update({"variant": module.FINE_MESH.name} | change)
         refuses(lambda found=found: module.expect(found, "full"), word)
 
 
 def test_groups_of_strokes_are_compared_kind_by_kind_and_settled_ones_are_limited(tmp_path: Path) -> None:
-    """Groups of three of two meshes, 3 % apart where they settled: shown, written, and more than is allowed.
+    """Groups of three of two meshes, 3 % apart where they settled: shown, written, and refused unless few.
 
     Catches: kinds compared in the order of their shares, walks that go backward grouped, a limit never compared.
     """
@@ -88,11 +88,11 @@ def test_groups_of_strokes_are_compared_kind_by_kind_and_settled_ones_are_limite
         backward = SimpleNamespace(advances=-np.abs(advances), step_mm=-0.1, frequency=1.0)
         return SimpleNamespace(walks=(forward, backward))
 
-    base = module.group_rows(ensemble(three, three, three, other), 0, "a", module.PUBLISHED, [])
+    base = module.group_rows(ensemble(*[three] * 14, other), 0, "a", module.PUBLISHED, [])
     assert [row["strokes"] for row in base] == ["3", "others"]
     assert base[0]["starts_1"] == 1
     more = [1.03 * v for v in three]
-    fine = module.group_rows(ensemble(other, other, more, more, more), 0, module.SHORT_FINE, module.PUBLISHED, base)
+    fine = module.group_rows(ensemble(other, other, *[more] * 14), 0, module.FINE_MESH.name, module.PUBLISHED, base)
     assert fine[0]["change_pct"] == pytest.approx(3.0, rel=1e-9)
     assert fine[0]["settled_change_pct"] == pytest.approx(3.0, rel=1e-9)
     assert "settled_change_pct" not in fine[1]
@@ -103,6 +103,10 @@ def test_groups_of_strokes_are_compared_kind_by_kind_and_settled_ones_are_limite
     module.write(found, tmp_path)
     assert len((tmp_path / "groups.csv").read_text().splitlines()) == 1 + len(found.groups)
     refuses(lambda: module.expect(found, "full"), "settled advance changes by 3 %")
+    few = module.group_rows(ensemble(*[more] * 5), 0, module.FINE_MESH.name, module.PUBLISHED, base)
+    assert few[0]["least_settled_1"] < module.WORTH
+    found.groups = [*base, *few]
+    module.expect(found, "full")
 
 
 def test_a_gait_is_compared_with_the_nearest_of_the_other_variant() -> None:

@@ -72,9 +72,14 @@ def load_design(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Desi
         _make_room_for_tissue(table)
     for override in overrides:
         _apply(table, override)
-    for key, (_, text) in named_in(table).items():
-        must_be_readable(key, Path(text))
-    design = Design.model_validate(_with_orientation(_values(table, "")))
+    named = {key: Path(text) for key, (_, text) in named_in(table).items()}
+    try:
+        design = Design.model_validate(_with_orientation(_values(table, "")))
+    except (FileError, ValueError) as error:  # of a measurement that is read for its angles, or that no file can be
+        if not isinstance(error, DesignError):
+            must_be_readable(named)
+        raise
+    must_be_readable(named)
     return design
 
 

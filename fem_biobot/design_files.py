@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -49,14 +50,15 @@ def named_in(table: Table) -> dict[str, tuple[Table, str]]:
     return found
 
 
-def must_be_readable(key: str, path: Path) -> None:
-    """A file that a key names is there; the line says which words the key takes instead."""
-    try:
-        content_of(path)
-    except FileError as error:
-        words = [word for word in FILE_KEYS[key] if word]
-        choice = f" or one of: {', '.join(words)}" if words else ""
-        raise FileError(f"{key}: {error}{choice}") from None
+def must_be_readable(named: Mapping[str, Path]) -> None:
+    """Files that keys name are there; the line says which words a key takes instead."""
+    for key, path in named.items():
+        try:
+            content_of(path)
+        except FileError as error:
+            words = [word for word in FILE_KEYS[key] if word]
+            choice = f" or one of: {', '.join(words)}" if words else ""
+            raise FileError(f"{key}: {error}{choice}") from None
 
 
 def place_files(table: Table, folder: Path) -> None:

@@ -187,7 +187,7 @@ Level full (mesh of 0.9 mm, two minutes). Of a part of the mesh over the rods', 
 
 * It was the muscle, and of it the arm: turned ends lift the line of its pull by more than bending by unit loads says.
 * With firm ends the rods' muscle pulls by up to a percent more than the mesh's, and their beam turns by as much more
-  than the skeleton: that is left. To take the resistance too from turned bonds was tried once and is not in the program:
+  than the skeleton: that is left. To take the resistance too from turned bonds was tried and is not in the program:
   muscle and rod agreed to 0.2 % here, but no state was found where tissue shortens by more, as under a 0.5 mm beam.
 """
 

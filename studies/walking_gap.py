@@ -13,7 +13,6 @@ Run: ``python studies/walking_gap.py [--level smoke|full] [--out FOLDER]``; ten 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -31,7 +30,6 @@ from fem_biobot.link.at_load import parts_of
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.geometry import build_mesh
-from fem_biobot.muscle.fibres import in_junction
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.ensemble import walk_ensemble
 from fem_biobot.rod.model import RodModel
@@ -40,8 +38,7 @@ from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.walk import walk
 from fem_biobot.solid.dynamics.body import MovingBody, holding
 from fem_biobot.solid.dynamics.feet import Feet, feet_of
-from fem_biobot.solid.from_design import tension_step
-from fem_biobot.solid.model import SolidModel, SolidState, solve
+from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.standing import FEET, stand
 from fem_biobot.solid.walk import solid_walk, walking_body
 from fem_biobot.study.outputs import write_table
@@ -168,16 +165,6 @@ def narrowing(body: MovingBody, rest: SolidState, full: SolidState) -> float:
     return float(-np.sum(np.sign(X[1, outer]) * moved))
 
 
-def rings_alone(design: Design, model: SolidModel, tensions: list[float]) -> Sequence[SolidState]:
-    """States of the solid afloat whose rings alone pull, not the junction between them."""
-    muscle, mesh = model.active["muscle"], model.mesh
-    X = mesh.points[:, mesh.cells[:, mesh.regions["muscle"]]].mean(axis=1)
-    share = np.where(in_junction(design, X), 0.0, 1.0)
-    changed = replace(muscle, tension=muscle.tension * share, standing=muscle.standing * share)
-    parts = (mesh, model.materials, {"muscle": changed}, model.supports, model.loads)
-    return solve(SolidModel(*parts, element=model.element), [tension_step(design, T) for T in tensions]).states
-
-
 def stiffened(body: MovingBody) -> MovingBody:
     """The same body with soles that keep their width."""
     return holding(body, 3 * feet_of(body, FEET).nodes + 1)
@@ -261,7 +248,7 @@ def run(level: str) -> Study:
         (SOLID, solid),
     ):
         study.afloat.append({"machine": name, "rest_mm": float(found[0]), "full_mm": float(found[-1])})
-    for where, found in (("muscle", states), ("rings", rings_alone(design, side.model, tensions))):
+    for where, found in (("muscle", states), ("rings", side.rings_alone(tensions, Silent()))):
         narrower = narrowing(walking_body(design, mesh), found[0], found[-1])
         study.soles.append({"tension_in": where, "narrowing_mm": narrower})
     for limit in size.limits:

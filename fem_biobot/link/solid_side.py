@@ -94,6 +94,10 @@ class SolidSide:
         """
         if self.design.value("muscle.layout") != "junction":
             return [(0.0, 0.0)] * len(tensions)
+        return [passive_energy(state) for state in self.rings_alone(tensions, reporter)]
+
+    def rings_alone(self, tensions: Sequence[float], reporter: Reporter) -> Sequence[SolidState]:
+        """States at tensions [kPa] of the rings around the pillars, the junction between them without any."""
         centres = self.mesh.points[:, self.mesh.cells[:, self.mesh.regions["muscle"]]].mean(axis=1)
         alone = model_from_design(self.design, self.mesh, np.where(in_junction(self.design, centres), 0.0, 1.0))
         reporter.stage("rings of the solid alone", len(tensions))
@@ -102,8 +106,7 @@ class SolidSide:
         def tell(_: SolidState) -> None:
             reporter.advance(f"rings at {next(ahead):.3g} kPa")
 
-        found = solve(alone, [tension_step(self.design, T) for T in tensions], on_state=tell)
-        return [passive_energy(state) for state in found.states]
+        return solve(alone, [tension_step(self.design, T) for T in tensions], on_state=tell).states
 
     def motions(self, state: SolidState, at: Array, count: int) -> Motions:
         """Slowest free motions about a state, seen at reference positions (p, 3) [mm]."""

@@ -15,6 +15,7 @@ from fem_biobot.link.parts import BONDS
 from fem_biobot.solid.model import SolidState, equilibrium_of
 from fem_biobot.solid.newton import newton_matrix
 from fem_biobot.solid.solvers import direct_solver
+from fem_biobot.solid.surfaces import node_areas
 
 _TOLERANCE = 1e-10
 
@@ -45,7 +46,7 @@ def twist(state: SolidState, axis: Array) -> float:
     model, system = state.model, state.model.system
     x, force = state.X + state.u, np.zeros_like(state.u)
     for bond, sense in zip(BONDS, (-1.0, 1.0), strict=True):
-        weight = _areas(state, bond)
+        weight = node_areas(system.space, model.mesh.points, model.mesh.surfaces[bond])
         arm = x - (x @ weight / weight.sum())[:, None]
         inertia = np.sum(weight * arm**2) * np.eye(3) - (weight * arm) @ arm.T
         force += sense * weight * np.cross(np.linalg.solve(inertia, axis), arm, axisb=0, axisc=0)
@@ -54,17 +55,3 @@ def twist(state: SolidState, axis: Array) -> float:
     right[system.held.dofs] = 0.0
     z = direct_solver(model).solve(newton_matrix(system, equilibrium_of(state)), right, _TOLERANCE)
     return float(np.sum(force.T * system.parts(z)[0]))
-
-
-def _areas(state: SolidState, surface: str) -> Array:
-    """Share of each node in the area of a surface as drawn, (n,) [mm^2]."""
-    space, triangles = state.model.system.space, state.model.mesh.surfaces[surface]
-    corners = state.model.mesh.points[:, triangles]
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = 0.5 * np.linalg.norm(np.cross(one, two, axis=0), axis=0)
-    nodes = space.surface_nodes(triangles)
-    # of a quadratic field over a straight triangle the sides' middles carry all
-    carrying = nodes[3:] if len(nodes) == 6 else nodes
-    found = np.zeros(space.n_nodes)
-    np.add.at(found, carrying, np.broadcast_to(area / 3.0, carrying.shape))
-    return found

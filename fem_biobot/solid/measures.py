@@ -27,6 +27,7 @@ from fem_biobot.solid.model import SolidModel, SolidState
 from fem_biobot.solid.space import Space
 from fem_biobot.solid.state import interpolation
 from fem_biobot.solid.stress import Probe, ball, cauchy_stress, probe, von_mises
+from fem_biobot.solid.surfaces import node_areas
 
 BALL_RADIUS = 0.3  # mm, fixed for every mesh and design so that numbers compare
 
@@ -86,16 +87,7 @@ class Measurer:
         for name in names[self.design.kind]:
             if name not in self.model.mesh.surfaces:
                 raise MeshError(f"{name}: found no such surface in the mesh, expected one to measure by")
-            triangles = self.model.mesh.surfaces[name]
-            corners = self.model.mesh.points[:, triangles]
-            area = np.linalg.norm(
-                np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0), axis=0
-            )
-            nodes = self._space.surface_nodes(triangles)
-            # the mean of a quadratic field over a straight triangle is the mean of its three side midpoints
-            carrying = nodes[3:] if len(nodes) == 6 else nodes
-            weights = np.zeros(self._space.n_nodes)
-            np.add.at(weights, carrying, np.broadcast_to(area / 3.0, carrying.shape))
+            weights = node_areas(self._space, self.model.mesh.points, self.model.mesh.surfaces[name])
             found[name] = weights / weights.sum()
         return found
 

@@ -106,6 +106,25 @@ def boundary(mesh: BodyMesh, names: Sequence[str] | None, what: str) -> Ints:
     return outer[:, first[found if len(places) == 1 else np.unique(found)]]
 
 
+def node_areas(space: Space, points: Array, triangles: Ints) -> Array:
+    """Share of each node in the area of a surface as drawn, (n,) [mm^2]: weights of the integral of a nodal field.
+
+    Parameters
+    ----------
+    space
+        Of the displacement.
+    points, triangles
+        Of the mesh, (3, v) [mm], and its corners on the surface, (3, f).
+    """
+    corners = points[:, triangles]
+    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * np.linalg.norm(np.cross(one, two, axis=0), axis=0)
+    nodes = space.surface_nodes(triangles)
+    # of a quadratic field over a straight triangle the sides' middles carry all
+    carrying = nodes[3:] if len(nodes) == 6 else nodes
+    return np.bincount(carrying.ravel(), np.tile(area / 3.0, len(carrying)), minlength=space.n_nodes)
+
+
 class SurfaceTerm(Protocol):
     """Nodal force of a surface as a function of the displacement."""
 

@@ -29,7 +29,7 @@ from numba import njit  # noqa: E402  (numba looks for its cache folder when it 
 
 from fem_biobot.rod.dynamics.inertia.kernels import copy, copy_row  # noqa: E402
 from fem_biobot.rod.dynamics.kernels import CONVERGED  # noqa: E402
-from fem_biobot.rod.dynamics.run.kernels import average, contact_changes, copy_state  # noqa: E402
+from fem_biobot.rod.dynamics.run.kernels import average, contact_changes, copy_state, try_part  # noqa: E402
 
 INACCURATE = 5  # an outcome beside those of a step
 FINEST = 12  # level of the shortest parts
@@ -89,19 +89,13 @@ def adaptive_run(
             following = level - 1 if level > 0 and end % (whole >> (level - 1)) == 0 else level
             average(pulls, i, at / whole, end / whole, weight, pull)
             average(load_factors, i, at / whole, end / whole, weight, factors)
-            again = True
-            outcome = CONVERGED
-            residual = 0.0
-            while again:
-                fresh = factored == length
-                outcome, tried, renewed, residual = calls.step(
-                    assembly, system, state, plane, length, weight, h / (1 << following), pull, factors, arm, tolerance,
-                    most, fresh, calls.within, work, scratch,
-                )  # fmt: skip
-                iterations += tried
-                factorisations += renewed
-                again = outcome != CONVERGED and fresh  # old factors may be to blame
-                factored = length if outcome == CONVERGED else 0.0
+            outcome, residual, tried, renewed = try_part(
+                assembly, system, state, plane, length, weight, h / (1 << following), pull, factors, arm, tolerance,
+                most, calls, factored == length, work, scratch,
+            )  # fmt: skip
+            iterations += tried
+            factorisations += renewed
+            factored = length if outcome == CONVERGED else 0.0
             changes = False
             calm = False
             if outcome == CONVERGED:

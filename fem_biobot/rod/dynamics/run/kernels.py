@@ -66,6 +66,29 @@ def average(table, i, begin, end, theta, out):
         out[k] = at * table[i + 1, k] + (1.0 - at) * table[i, k]
 
 
+@njit(**INNER, **BORROWS)
+def try_part(
+    assembly, system, state, plane, length, weight, close, pull, factors, arm, tolerance, most, calls, fresh, work,
+    scratch,
+):  # fmt: skip
+    """Try a step or a part of one, with the factors at hand if they are of its length (`fresh`), else with new ones.
+
+    Returns the outcome, the residual, iterations and factorisations.
+    """
+    outcome, iterations, factorisations, residual = calls.step(
+        assembly, system, state, plane, length, weight, close, pull, factors, arm, tolerance, most, fresh, calls.within,
+        work, scratch,
+    )  # fmt: skip
+    if outcome != CONVERGED and fresh:  # old factors may be to blame
+        outcome, tried, renewed, residual = calls.step(
+            assembly, system, state, plane, length, weight, close, pull, factors, arm, tolerance, most, False,
+            calls.within, work, scratch,
+        )  # fmt: skip
+        iterations += tried
+        factorisations += renewed
+    return outcome, residual, iterations, factorisations
+
+
 @njit(**KERNEL, **ALLOCATES)
 def implicit_run(
     assembly, system, state, plane, h, theta, theta_part, parts, closing, pulls, load_factors, arm, tolerance, most,
@@ -108,19 +131,13 @@ def implicit_run(
                 close = length if not last else (h if i < steps - 1 else closing)
                 average(pulls, i, part / count, (part + 1) / count, weight, pull)
                 average(load_factors, i, part / count, (part + 1) / count, weight, factors)
-                again = True
-                outcome = CONVERGED
-                residual = 0.0
-                while again:
-                    fresh = factored == length
-                    outcome, tried, renewed, residual = calls.step(
-                        assembly, system, state, plane, length, weight, close, pull, factors, arm, tolerance, most,
-                        fresh, calls.within, work, scratch,
-                    )  # fmt: skip
-                    iterations += tried
-                    factorisations += renewed
-                    again = outcome != CONVERGED and fresh  # old factors may be to blame
-                    factored = length if outcome == CONVERGED else 0.0
+                outcome, residual, tried, renewed = try_part(
+                    assembly, system, state, plane, length, weight, close, pull, factors, arm, tolerance, most, calls,
+                    factored == length, work, scratch,
+                )  # fmt: skip
+                iterations += tried
+                factorisations += renewed
+                factored = length if outcome == CONVERGED else 0.0
                 if outcome != CONVERGED:
                     if count > 1:
                         copy_state(work.kept, state)

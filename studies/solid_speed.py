@@ -6,10 +6,10 @@ How many linear solves' worth of time does the whole path to 14 kPa take; how mu
 same PARDISO, and than DOLFINx with MUMPS; what does a second thread bring; and how near to the machine's bandwidth and
 arithmetic are the kernels?
 
-Run: ``python studies/solid_speed.py [--level smoke|full] [--out FOLDER]``; about ten minutes at level full on an idle
-machine. FElupe takes part where it is installed (extra ``bench``). DOLFINx takes part where ``python3 -c "import
-dolfinx"`` works, or the command in the variable DOLFINX_PYTHON (see studies/contenders/dolfinx_path.py, also for the
-BLAS that it needs to be fast).
+Run: ``python studies/solid_speed.py [--level smoke|full] [--out FOLDER]``; a quarter of an hour at level full, which
+wants an idle machine. FElupe takes part where it is installed (extra ``bench``). DOLFINx takes part where ``python3 -c
+"import dolfinx"`` works, or the command in the variable DOLFINX_PYTHON (see studies/contenders/dolfinx_path.py, also
+for the BLAS that it needs to be fast).
 """
 
 from __future__ import annotations
@@ -310,8 +310,8 @@ def felupe_missing() -> str:
     return "" if hasattr(felupe, "newtonraphson") else "FElupe takes no part: found a version before newtonraphson"
 
 
-def beside_felupe(level: str, size: float, *, whole: bool) -> list[Row]:
-    """Our path and FElupe's, or single iterations of FElupe's where the whole path would take too long."""
+def beside_felupe(level: str, size: float) -> list[Row]:
+    """Our path and FElupe's, and single iterations of FElupe's with the factorisation that a user has to write."""
     design, model = load_design(DESIGN), machine(size)
     tensions = EIGHT[level]
     walk(model, (0.1,))
@@ -327,7 +327,7 @@ def beside_felupe(level: str, size: float, *, whole: bool) -> list[Row]:
         one.go(0.0, most=1)  # its arrays are made at the first call
         single = [seconds(lambda one=one, k=k: one.go(0.1 * k * factors[0], most=1)) for k in (1, 2)]
         row: Row = {"contender": name, "unknowns_1": model.n_dofs, "iteration_s": float(np.median(single))}
-        if whole and not symmetric:
+        if not symmetric:
             other = FElupePath(model, scale, symmetric)
 
             def contract(other: FElupePath = other) -> None:
@@ -627,7 +627,7 @@ def roofline(level: str, size: float) -> list[Row]:
 
 _PARTS: dict[str, Callable[..., Any]] = {
     "path": whole_path,
-    "felupe": lambda level, size, whole: beside_felupe(level, size, whole=bool(whole)),
+    "felupe": beside_felupe,
     "dolfinx": lambda level, size, *command: beside_dolfinx(level, size, list(command)),
     "stages": stages,
     "parts": parts_of_the_path,
@@ -662,8 +662,8 @@ def run(level: str) -> Study:
     if missing := felupe_missing():
         study.notes.append(missing)
     else:
-        for number, size in enumerate(SIZES[level]):
-            study.contenders += _alone("felupe", level, size, number == 0)
+        for size in SIZES[level]:
+            study.contenders += _alone("felupe", level, size)
     command, missing = dolfinx_python() if level == "full" else ([], "DOLFINx takes part at level full only")
     if missing:
         study.notes.append(missing)
@@ -759,56 +759,56 @@ def verdict(study: Study) -> list[str]:
 # --- what was found ---------------------------------------------------------------------------------------------------
 
 FOUND = """
-Two cores shared with much other work; processor seconds of one thread unless said otherwise. Each part was run by
-this program in a process of its own, in several sittings, not all of level full at once.
+Level full in one go, two idle cores; processor seconds of one thread unless said otherwise. FElupe's path at 146 757
+unknowns, DOLFINx with the reference BLAS and threads that sleep sooner came minutes after, by the same program.
 
 * The whole path to 14 kPa takes 12 factorisations (in single precision), 26 Newton iterations and 159 of conjugate
-  gradients at 61 617 unknowns: 7.6 s (7.5 and 7.7), where one linear solve takes 0.49 s (factorisation in double
-  precision 0.44): 15.5 linear solves. At 146 757 unknowns 13, 32 and 192: 31.9 s (31.4 and 32.4), one linear solve
-  2.25 s (2.11): 14.1. Both are within the aim of 20. Before, with double precision, one factorisation more for the
-  stability of every state and a quadratic predictor, 20 factorisations took 15.4 s of 0.52 s for a linear solve: 29.
-* FElupe to 8 kPa at 61 617 unknowns, with pypardiso's `spsolve`: 29 iterations and 68.8 s, where ours takes 16
-  iterations, 9 factorisations and 5.6 s. The path takes it 12.4 times as long, an iteration 6.8 times: both aims (10
-  and 5) are met. With PARDISO's symmetric factorisation of the upper triangle, which a user has to write, an
-  iteration takes 4.5 times as long: short of 5. At 146 757 unknowns an iteration takes 6.1 and 3.8 times as long. At
-  18 816 unknowns the path takes 9.7 times as long, an iteration 5.0 times; steps of 1 kPa take 46 iterations there
-  where those of 2 kPa take 29. The ends agree to 9e-9 mm.
-* DOLFINx 0.5.2 (Debian's package, MUMPS' symmetric factorisation, OpenBLAS), the same path at 61 617 unknowns: 29
-  iterations and 27.8 and 26.3 s, 4.9 and 4.8 times as long as ours, 2.7 and 2.6 times an iteration: short of 5. With
-  Debian's reference BLAS, which the package alone brings, it takes 101 s, 10 times an iteration. The ends agree to
-  2e-10 mm.
-* Why no more: of the 0.33 s of an iteration on an idle machine 0.15 are PARDISO's factor and 0.10 its solutions, all
-  that we compile and call between them is 0.06, the one analysis 0.03. The factor runs at 47 Gflop/s, where a product
-  of matrices in single precision does 118; a solution takes 15 ms to read a factor of 80 MB twice, 11 GB/s of the
-  machine's 40. Five times DOLFINx would be 0.19 s an iteration, hardly more than the factors and tangents alone. What
-  was tried: residuals of the first iterations left at 0.02 to 0.1 in place of 0.01 make an iteration cheaper and take
-  23 to 35 of them; giving up old factors after 8 or 10 iterations in place of 12, or not renewing them at the
-  predictor, takes as long within 5 %, after 4 a sixth longer, at 146 757 after 20 a fourteenth less; ordering nodes in
-  place of unknowns would save a fifth of the analysis, PARDISO's block format three fifths of it, which its slower
-  factor and solutions take back.
-* A second thread, on an idle machine, elapsed: at 61 617 unknowns the factorisation takes 0.254 s with one and 0.147 s
-  with two (1.72 times as fast), a solution 15.1 and 8.3 ms (1.82), the tangent 16.2 and 8.8 ms (1.84), the residual 2.4
-  and 1.4 ms (1.69). At 146 757 unknowns 1.11 and 0.66 s (1.67), 43.8 and 23.9 ms (1.83), 39.9 and 21.0 ms (1.90).
-  Beside other work the threads of a factorisation wait for each other at every front, and a second one was seen to
-  bring nothing.
-* The path to 8 kPa gained less than these, 5.4 and 4.5 s (1.20). Two reasons were found and mended: the norms of every
-  Newton iteration woke threads of BLAS beside those of the factorisation (150 to 190 ms a step with two threads on a
-  busy machine, 1 ms now and with one thread), and the products of matrix and vector, 5 % of the path, were not shared.
-  Not shared are now the analysis (0.47 s of 5.3, 9 %), what glues the parts together (2 to 3 %) and a part of each
-  factorisation. By the gains of its parts the path should take 3.4 s; that was not measured since, for want of an idle
-  machine.
-* Kernels at 61 617 unknowns: a triad moved 40 GB/s and a matrix product did 53 Gflop/s. The tangent, 23 500
+  gradients at 61 617 unknowns, the time of 16.8 linear solves (analysed factorisation in double precision, solution,
+  tangent, residual); at 146 757 unknowns 13, 32 and 192, 14.6 linear solves. Both meet the aim of 20. Before, with
+  double precision, one factorisation more for the stability of every state and a quadratic predictor, 20
+  factorisations took 29 linear solves.
+* FElupe to 8 kPa at 61 617 unknowns, with pypardiso's `spsolve`: 29 iterations and 67.4 s, where ours takes 16
+  iterations, 9 factorisations and 5.5 s. The path takes it 12.3 times as long, an iteration 6.8 times; at 146 757
+  unknowns 256 s beside 21.7 s, 11.8 times, and 6.5 times an iteration: both aims (10 and 5) are met on both. With
+  PARDISO's symmetric factorisation of the upper triangle, which a user of FElupe has to write, an iteration takes 5.3
+  times as long at 61 617 unknowns and 4.1 to 4.5 times at 146 757, where nearly all of it is factorisation. The ends
+  agree to 1e-8 mm.
+* DOLFINx 0.5.2 (Debian's package, MUMPS' symmetric factorisation), the same path at 61 617 unknowns: 29 iterations.
+  With the reference BLAS, which the package alone brings, it takes 94.6 s, 16 times as long as ours, 9.1 times an
+  iteration; where OpenBLAS has been installed besides, 27.5 s, 4.9 times, and 2.7 times an iteration: that aim, 5, is
+  met by the package as it comes and missed with the faster BLAS. The ends agree to 2e-10 mm.
+* Why no more: of the 0.33 s of an iteration 0.15 are PARDISO's factor and 0.10 its solutions, all that we compile and
+  call between them is 0.05, the one analysis 0.03. The factor runs at 47 Gflop/s, where a product of matrices in single
+  precision does 118; a solution takes 15 ms to read a factor of 80 MB twice, 11 GB/s of the machine's 40 to 54. Five
+  times DOLFINx with OpenBLAS would be 0.19 s an iteration, hardly more than the factors and tangents alone; nor is it
+  an equal measure, since ours takes 16 iterations for its 29. What was tried: residuals of the first iterations left at
+  0.02 to 0.1 in place of 0.01 make an iteration cheaper and take 23 to 35 of them; giving up old factors after 8 or 10
+  iterations in place of 12, or not renewing them at the predictor, takes as long within 5 %, after 4 a sixth longer, at
+  146 757 after 20 a fourteenth less; ordering nodes in place of unknowns would save a fifth of the analysis, PARDISO's
+  block format three fifths of it, which its slower factor and solutions take back.
+* A second thread, elapsed: at 61 617 unknowns the factorisation takes 0.254 s with one and 0.147 s with two (1.72 times
+  as fast), a solution 15.1 and 8.3 ms (1.82), the tangent 16.2 and 8.8 ms (1.84), the residual 2.4 and 1.4 ms (1.69).
+  At 146 757 unknowns 1.21 and 0.72 s (1.69), 45.5 and 24.0 ms (1.90), 41.2 and 21.9 ms (1.88), 7.7 and 4.2 ms (1.82),
+  the product of matrix and vector 5.6 and 4.4 ms (1.28); at 61 617 it gains nothing. Beside other work the threads of a
+  factorisation wait for each other at every front, and a second one was seen to bring nothing.
+* The path to 8 kPa took 5.3 and 3.5 s (1.50), its factorisations gaining 1.70 and its solutions 1.77, but its tangents
+  1.10 and its products nothing, for which MKL's threads were to blame: done with their work they went on asking for
+  more for 0.2 s and held the processor that a tangent's second share needed. They sleep after 1 ms now
+  (`KMP_BLOCKTIME`), with which tangents gain 1.35 and the path took 3.49 s in place of 3.61 and 3.73 (two of each,
+  in turn). Not shared are the analysis (0.44 s, an eighth of the path with two threads), what glues the parts together
+  (0.08 s) and a part of each factorisation.
+* Kernels at 61 617 unknowns: a triad moved 40 to 54 GB/s and a matrix product did 53 to 57 Gflop/s. The tangent, 23 500
   operations and 4 900 bytes an element, reaches 0.31 of the limit (arithmetic): what it adds to the matrix goes to
-  165 rows' parts an element that lie apart, and its sums over four points are short. The law reaches 0.26 and the
-  product of matrix and vector 0.25 (bandwidth; the product's addresses come from memory, and it adds to what it read
-  just before). Gradient and residual reach 0.11 and 0.09: they gather and scatter nodes, and write and read tensors
-  whose components lie apart. The four of a tangent are a twenty-fourth of a linear solve.
+  165 rows' parts an element that lie apart, and its sums over four points are short. The law reaches 0.21 to 0.26 and
+  the product of matrix and vector 0.18 to 0.25 (bandwidth; the product's addresses come from memory, and it adds to
+  what it read just before). Gradient and residual reach 0.11 and 0.09: they gather and scatter nodes, and write and
+  read tensors whose components lie apart. The four of a tangent are a twenty-fourth of a linear solve.
 """
 
 # --- what was not looked at -------------------------------------------------------------------------------------------
 
 NOT_LOOKED_AT = """
-FElupe's whole path at 146 757 unknowns, more than two threads, other laws, the mixed element, FElupe with a step
+DOLFINx at 146 757 unknowns, more than two threads, other laws, the mixed element, FElupe with a step
 control of its own, other preconditioners, a factorisation of our own.
 """
 

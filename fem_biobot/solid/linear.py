@@ -34,6 +34,9 @@ from fem_biobot.solid.vectors.kernels import add_scaled, advance, inner_product
 
 Array = NDArray[np.float64]
 
+# that threads of MKL go on asking for work once theirs is done
+_IDLE_MS = "1"
+
 
 class NotPositiveDefiniteError(Exception):
     """The matrix has a direction of no or negative stiffness; the caller halves its step or reports instability."""
@@ -195,6 +198,8 @@ class SuperLU:
 @cache
 def _mkl_pardiso() -> Callable[..., None]:
     """MKL's `pardiso` entry as pypardiso finds and types it; ImportError where it is not installed."""
+    # 0.2 s by default, in which they keep a processor from the threads that share elements
+    os.environ.setdefault("KMP_BLOCKTIME", _IDLE_MS)
     from pypardiso.pardiso_wrapper import PyPardisoSolver
 
     return PyPardisoSolver()._mkl_pardiso

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -324,3 +327,31 @@ def test_a_pattern_too_large_for_its_indices_is_refused(monkeypatch: pytest.Monk
     monkeypatch.setattr("fem_biobot.solid.pattern.np", Narrow())
     with pytest.raises(MemoryError, match="32-bit"):
         pattern(MODEL.system.space.nodes, MODEL.system.space.n_nodes)
+
+
+_BLOCKTIME = """
+import ctypes
+import numpy as np
+from scipy.sparse import identity
+from fem_biobot.solid.linear import pardiso_missing
+assert pardiso_missing() is None
+from pypardiso import spsolve
+spsolve(identity(4, format="csr"), np.ones(4))  # MKL loads its threads at the first call
+with open("/proc/self/maps") as maps:
+    library = next(line.split()[-1] for line in maps if "libiomp5" in line)
+print(ctypes.CDLL(library).kmp_get_blocktime())
+"""
+
+
+@needs_pardiso
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+@pytest.mark.parametrize(("asked", "found"), [(None, 1), ("150", 150)])
+def test_idle_threads_of_the_factorisation_leave_their_processor(asked: str | None, found: int) -> None:
+    """MKL's threads wait for 1 ms, and not 200, before they sleep, unless the user says how long.
+
+    Catches: the variable set after MKL was loaded, which reads it once, or written over the user's.
+    """
+    kept = {key: value for key, value in os.environ.items() if key != "KMP_BLOCKTIME"}
+    env = kept if asked is None else {**kept, "KMP_BLOCKTIME": asked}
+    done = subprocess.run([sys.executable, "-c", _BLOCKTIME], env=env, capture_output=True, text=True, check=True)
+    assert int(done.stdout) == found

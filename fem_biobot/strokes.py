@@ -37,6 +37,7 @@ class Strokes:
         def tip_closing(self) -> Array: ...
         @cached_property
         def sagitta(self) -> Array: ...
+        def summary(self) -> dict[str, Any]: ...
 
     @cached_property
     def advance(self) -> Array:
@@ -139,6 +140,8 @@ def plain(value: Any) -> Any:
     """For JSON: no numbers that are none."""
     if isinstance(value, dict):
         return {key: plain(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [plain(inner) for inner in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value

@@ -27,10 +27,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from fem_biobot.config import load_design
+from fem_biobot.ensembles import Ensemble, Gait
 from fem_biobot.files import replacing
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.dynamics.settings import Integrator, Settings
-from fem_biobot.rod.ensemble import Ensemble, Gait, walk_ensemble
+from fem_biobot.rod.ensemble import walk_ensemble
+from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.groups import group_gaits
 from fem_biobot.rod.reduce import reduce
@@ -161,7 +163,7 @@ def model_of(elements: int) -> Any:
     return reduce(load_design(DESIGN, TENSIONS), beam_elements=elements)
 
 
-def ensemble(variant: Variant, friction: str, frequency: float, plan: Plan) -> Ensemble:
+def ensemble(variant: Variant, friction: str, frequency: float, plan: Plan) -> Ensemble[Walk]:
     """Walks of one variant."""
     return walk_ensemble(
         model_of(variant.elements),
@@ -176,7 +178,7 @@ def ensemble(variant: Variant, friction: str, frequency: float, plan: Plan) -> E
     )
 
 
-def gait_row(found: Ensemble, gait: Gait, variant: str, friction: str) -> Row:
+def gait_row(found: Ensemble[Walk], gait: Gait, variant: str, friction: str) -> Row:
     """Numbers of one gait."""
     walks = [found.walks[k] for k in gait.members]
     low, high = gait.interval_mm
@@ -215,7 +217,7 @@ def compare(row: Row, others: Iterable[Row]) -> None:
         row["reach_pct"] = 100.0 * math.hypot(*reaches) / abs(base["advance_mm"])
 
 
-def group_rows(found: Ensemble, discard: int, variant: str, friction: str, base: list[Row]) -> list[Row]:
+def group_rows(found: Ensemble[Walk], discard: int, variant: str, friction: str, base: list[Row]) -> list[Row]:
     """Gaits told apart by groups of strokes, where walks that go forward have strokes that go backward."""
     walks = [w.advances for w in found.walks if w.step_mm > 0.0]
     rows: list[Row] = []
@@ -244,7 +246,7 @@ def group_rows(found: Ensemble, discard: int, variant: str, friction: str, base:
     return rows
 
 
-def witness_rows(level: Level, base: Ensemble, gait: Gait, friction: str) -> list[Row]:
+def witness_rows(level: Level, base: Ensemble[Walk], gait: Gait, friction: str) -> list[Row]:
     """The same few strokes by implicit steps, by finer ones, and by explicit ones."""
     first = base.walks[gait.members[0]]
     strokes, least = level.explicit_strokes, level.explicit_step

@@ -21,19 +21,16 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from scipy.interpolate import PchipInterpolator
 
 from fem_biobot.config import load_design
-from fem_biobot.design import Design
 from fem_biobot.files import replacing
 from fem_biobot.link.at_load import parts_of
+from fem_biobot.link.closing import closing_as, closings
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.geometry import build_mesh
 from fem_biobot.progress import show_tables
 from fem_biobot.rod.ensemble import walk_ensemble
-from fem_biobot.rod.model import RodModel
-from fem_biobot.rod.records import Muscle
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.walk import walk
 from fem_biobot.solid.dynamics.body import MovingBody, holding
@@ -168,28 +165,6 @@ def narrowing(body: MovingBody, rest: SolidState, full: SolidState) -> float:
 def stiffened(body: MovingBody) -> MovingBody:
     """The same body with soles that keep their width."""
     return holding(body, 3 * feet_of(body, FEET).nodes + 1)
-
-
-def closings(design: Design, model: RodModel, tensions: list[float]) -> np.ndarray:
-    """Closing of rods afloat at tensions that rise [mm]."""
-    return np.array([s.numbers["tip_closing_mm"] for s in RodSide(design, model).states(tensions, Silent())[0]])
-
-
-def closing_as(design: Design, model: RodModel, wanted: tuple[float, float]) -> tuple[RodModel, list[float]]:
-    """The same rods with the tensions at which they close as far as wanted at rest and at full drive, and those."""
-    rest, full = design.tension(0.0), design.tension(1.0)
-    asked = [share * T for T in (rest, full) for share in (0.7, 0.85, 1.0, 1.15)]
-    # monotone through what was asked; rods about a load do not close by nothing under none
-    found = PchipInterpolator(asked, closings(design, model, asked))
-    own = [float(found.solve(closing, extrapolate=False)[0]) for closing in wanted]
-    shares = own[0] / rest, (own[1] - own[0]) / (full - rest)
-    members = [
-        replace(m, passive=m.passive * shares[0], active=m.active * shares[1])
-        for m in model.members if isinstance(m, Muscle)
-    ]  # fmt: skip
-    assert len(members) == len(model.members)
-    parts = (model.rods, model.joints, model.bodies, model.supports, model.loads, members, model.contacts)
-    return RodModel(*parts, model.damping_time, model.touches, model.landmarks), own
 
 
 def _row(machine: str, limit: Limit, walks: list[Any]) -> Row:

@@ -26,11 +26,12 @@ from matplotlib.figure import Figure
 
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
+from fem_biobot.ensembles import Nudge
 from fem_biobot.errors import SolveError
 from fem_biobot.files import replacing
 from fem_biobot.muscle.drive import paper_amplitude
 from fem_biobot.progress import show_tables
-from fem_biobot.rod.ensemble import Nudge, walk_ensemble
+from fem_biobot.rod.ensemble import walk_ensemble
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.model import RodModel

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from fem_biobot.config import load_design
+from fem_biobot.ensembles import Nudge
 from fem_biobot.errors import DesignError, SolveError
 from fem_biobot.friction.kernels import LIFTED, SLIP, STICK
 from fem_biobot.rod.dynamics.adaptive.kernels import AFTER_CHANGE, FINEST, UNSETTLED
 from fem_biobot.rod.dynamics.integrate import Motion, Settings, dynamics
 from fem_biobot.rod.dynamics.run.kernels import AFTER
-from fem_biobot.rod.ensemble import Nudge, nudged, walk_ensemble
+from fem_biobot.rod.ensemble import nudged, walk_ensemble
 from fem_biobot.rod.ground import Ground
 from fem_biobot.rod.records import PointLoad
 from fem_biobot.rod.reduce import reduce

@@ -11,8 +11,9 @@ import pytest
 
 from fem_biobot.config import load_design
 from fem_biobot.design import Design
+from fem_biobot.ensembles import gaits
 from fem_biobot.errors import ModelError
-from fem_biobot.rod.ensemble import gaits, walk_ensemble
+from fem_biobot.rod.ensemble import walk_ensemble
 
 
 @cache

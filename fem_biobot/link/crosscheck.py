@@ -24,7 +24,7 @@ from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.rod.reduce import PlateFactor, reduce
 from fem_biobot.solid.model import SolidState
-from fem_biobot.study.reporter import Reporter, Silent
+from fem_biobot.study.reporter import Keeping, Reporter, Silent
 
 # shares of the passive tension at which both are solved, besides that and full drive
 SHARES = (0.05, 0.25, 0.5, 0.75)
@@ -222,7 +222,7 @@ def crosscheck(
     Both float, without weight. The rods get no number of the solid machine; beyond closed forms they take constants
     that loads on its parts alone give, see `Stiffness`.
     """
-    reporter = reporter or Silent()
+    reporter = Keeping(reporter or Silent())
     factor = PlateFactor(plate_factor)
     expectation = expect(design, plate=factor is PlateFactor.plane_strain)
     if design.value("muscle.reference") != "as_moulded":
@@ -293,7 +293,7 @@ def crosscheck(
         pairs,
         {"elements_1": mesh.n_elements, "unknowns_1": solid.model.n_dofs},
         outlines,
-        tuple(notes),
+        (*notes, *reporter.notes),
         level_both(solid, states, RodSide(design, rods), by_rods[Stiffness.closed_form][1], levels),
         levels[common],
     )

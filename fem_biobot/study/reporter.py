@@ -39,3 +39,29 @@ class Silent:
 
     def note(self, text: str) -> None:
         """Ignored."""
+
+
+class Keeping:
+    """A reporter that passes on what it is told and keeps the notes, for those who read the result later."""
+
+    def __init__(self, to: Reporter) -> None:
+        self._to = to
+        self.notes: list[str] = []
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        """Passed on."""
+        self._to.stage(name, total)
+
+    def advance(self, done: str = "") -> None:
+        """Passed on."""
+        self._to.advance(done)
+
+    def iteration(self, number: int, residual: float) -> None:
+        """Passed on."""
+        self._to.iteration(number, residual)
+
+    def note(self, text: str) -> None:
+        """Passed on, and kept once."""
+        if text not in self.notes:
+            self.notes.append(text)
+        self._to.note(text)

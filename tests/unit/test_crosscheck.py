@@ -11,8 +11,10 @@ from typing import Any
 import pytest
 
 from fem_biobot.cli import main
+from fem_biobot.link import crosscheck as module
 
 SIZE = "2.0"
+NOTED = "junction: not measured that far"
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +22,16 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, An
     """Folder and summary of the reference machine at one fifth of its tension, where differences are those stated."""
     out = tmp_path_factory.mktemp("crosscheck") / "bot"
     sets = ["--set", "muscle.passive_tension=1.8 kPa", "--set", "muscle.active_tension=0.26 kPa"]
-    assert main(["crosscheck", "junction_bot", "--size", SIZE, "--out", str(out), "--quiet", *sets]) == 0
+    whole = module.parts_of
+
+    def noting(*given: Any) -> Any:
+        for _ in range(2):
+            given[-1].note(NOTED)
+        return whole(*given)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "parts_of", noting)
+        assert main(["crosscheck", "junction_bot", "--size", SIZE, "--out", str(out), "--quiet", *sets]) == 0
     return out, json.loads((out / "summary.json").read_text())
 
 
@@ -196,3 +207,12 @@ def test_the_report_turns_both_models_at_every_tension(result: tuple[Path, dict[
     assert view["labels"] == [f"{tension:.3g} kPa" for tension in tensions]
     assert {part["name"].split(":")[0] for part in view["parts"]} == {"solid", "rods"}
     assert "[kPa]" in view["fields"][0]["label"]
+
+
+def test_what_parts_were_noted_for_stands_in_the_result(result: tuple[Path, dict[str, Any]]) -> None:
+    """A note that is made while parts are measured is kept, once, in summary and report.
+
+    Catches: a junction that was not measured up to the last tension, of which the report says nothing.
+    """
+    assert result[1]["notes"].count(NOTED) == 1
+    assert NOTED in (result[0] / "report.html").read_text()

@@ -27,7 +27,7 @@ from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.from_design import law_of, supports
 from fem_biobot.solid.model import SolidModel, SolidState, solve
 from fem_biobot.solid.records import Step, Traction
-from fem_biobot.study.reporter import Silent
+from fem_biobot.study.reporter import Keeping, Silent
 from tests.helpers import generator
 
 DESIGN = load_design("junction_bot").with_values({"mesh.size": 2.0})
@@ -138,13 +138,6 @@ def test_rods_that_stop_early_leave_a_note(mesh: BodyMesh, parts: Parts, monkeyp
 
     Catches: constants of the last pull used above it without a word.
     """
-
-    class Told(Silent):
-        notes: list[str] = []
-
-        def note(self, text: str) -> None:
-            self.notes.append(text)
-
     monkeypatch.setattr(at_load, "sections_from_mesh", lambda *_: parts[0])
     monkeypatch.setattr(at_load, "strip_from_mesh", lambda *_: parts[1])
     monkeypatch.setattr(at_load, "pulled", lambda *_: parts[1])
@@ -152,7 +145,7 @@ def test_rods_that_stop_early_leave_a_note(mesh: BodyMesh, parts: Parts, monkeyp
     monkeypatch.setattr(LoadedRods, "pulls", lambda *_: PULLS[:1])
     reduced = reduce(DESIGN, beam_elements=16)
     seen, _ = RodSide(DESIGN, reduced).states([p.tension for p in PULLS], Silent())
-    at_load.parts_of(DESIGN, mesh, reduced, seen, told := Told())
+    at_load.parts_of(DESIGN, mesh, reduced, seen, told := Keeping(Silent()))
     assert told.notes == [
         "junction: rods by unit loads find no state above 3 kPa; from there to 6 kPa its constants are those of its "
         "last pull: compare smaller tensions"
@@ -377,20 +370,13 @@ def test_a_line_of_pull_that_no_bending_gives_is_told(parts: Parts, monkeypatch:
 
     Catches: the last factor tried taken as found, a division by no turn.
     """
-
-    class Told(Silent):
-        notes: list[str] = []
-
-        def note(self, text: str) -> None:
-            self.notes.append(text)
-
     strip, reduced = parts[1], reduce(DESIGN)
     of_pulls = {name: getattr(strip, name)[:1] for name in ("stretch", "passive", "firmness")}
     from_none = {name: getattr(strip, name)[:2] for name in ("approach", "energy")}
     one = replace(strip, height=strip.height[:1] * np.array([1.0, 9.0]), **of_pulls, **from_none)
-    made = made_firm(DESIGN, reduced, one, PULLS[:1], Told())
+    made = made_firm(DESIGN, reduced, one, PULLS[:1], told := Keeping(Silent()))
     assert made.firmness == pytest.approx([10.0])
-    assert "line of pull" in Told.notes[0]
+    assert "line of pull" in told.notes[0]
     assert made_firm(DESIGN, reduced, one, [PULLS[0]._replace(turn=0.0)], Silent()).firmness == [1.0]
     monkeypatch.setattr(firm, "_MOST", 1)
     with pytest.raises(SolveError, match="junction alone"):

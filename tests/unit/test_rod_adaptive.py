@@ -17,9 +17,12 @@ from fem_biobot.rod.dynamics.integrate import Motion, Settings, dynamics
 from fem_biobot.rod.dynamics.run.kernels import AFTER
 from fem_biobot.rod.ensemble import nudged, walk_ensemble
 from fem_biobot.rod.ground import Ground
-from fem_biobot.rod.records import PointLoad
+from fem_biobot.rod.model import RodModel
+from fem_biobot.rod.records import Gravity, Hold, PointLoad, Rod
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.rod.rest import stance
+from fem_biobot.rod.section import RodMaterial, Section
+from fem_biobot.rod.touch import Touch
 from fem_biobot.rod.walk import walk
 from fem_biobot.verification.contact import MASS, G, block
 
@@ -207,6 +210,35 @@ def test_a_weak_strike_of_a_heel_releases_the_foot() -> None:
         assert abs(_strike(coarse).v[-1, 0, 0]) < 1e-6
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.01])
+@pytest.mark.parametrize("below", ["ground", "walls"])
+def test_without_friction_stick_and_slip_are_the_same(below: str, friction: float) -> None:
+    """Pushed to and fro on slick ground or slick walls a body turns round within whole steps; with friction not.
+
+    Catches: parts made for a stop or a turn that no force knows of, contacts between parts forgotten, changes
+    overlooked where there is friction.
+    """
+    push = {"force": (0.0, 600.0, 0.0), "history": lambda t: np.cos(700.0 * t)}
+    model = block(PointLoad(("block", (0.0, 0.0, 2.5)), **push))
+    if below == "walls":
+        stuff, across = RodMaterial(young=1e6, poisson=0.3, density=1e-6), (1.0, 0.0, 0.0)
+        ends = [np.array([(x, -5.0, 0.0), (x, 5.0, 0.0)]) for x in (-2.0, 2.0)]
+        walls = [Rod(points, Section.circle(0.5), stuff, name=f"wall {k}") for k, points in enumerate(ends)]
+        plank = Rod(np.array([(-2.0, 0.0, 1.0), (2.0, 0.0, 1.0)]), Section.circle(0.5), stuff, name="plank")
+        push["force"] = (0.0, 600.0 * 4.0 * np.pi / 4 * 1e-6, 0.0)
+        model = RodModel(
+            [plank, *walls],
+            supports=[Hold((f"wall {k}", end)) for k in (0, 1) for end in (0, 1)],
+            loads=[Gravity(), *(PointLoad(("plank", end), **push) for end in (0, 1))],
+            touches=[Touch("plank", f"wall {k}", nodes=[k], friction=friction, along=across) for k in (0, 1)],
+        )
+    ground = Ground(friction) if below == "ground" else None
+    motion = dynamics(model, 20e-3, 1e-3, ground=ground, settings=located(64))
+    sideways = motion.v[:, 0, 1]
+    assert (sideways[1:] * sideways[:-1] < 0.0).sum() >= 3
+    assert (motion.divided <= 2) == (friction == 0.0)
+
+
 # ---- what a state carries from part to part
 
 
@@ -255,12 +287,16 @@ def test_steps_of_one_length_do_not_take_a_level_for_a_count() -> None:
 def test_parts_that_fail_at_the_shortest_length_end_the_run() -> None:
     """A moment that winds a block up beyond all numbers: what was reached is there, and the step's own length told.
 
-    Catches: a failure taken for an error of the parts, an endless run.
+    The time told is the part's. Catches: a failure taken for an error of the parts, an endless run, the time at which
+    the whole step begins.
     """
     twist = PointLoad(("block", (0.0, 0.0, 2.5)), moment=(0.0, 1.0, 0.0), history=lambda t: np.exp(9e3 * t))
     with pytest.raises(SolveError, match=f"a step of {1e-3 / 2**FINEST:.3g} s fails") as error:
         dynamics(block(twist), 0.1, 1e-3, ground=None, settings=Settings(largest_error=1e-3))
-    assert error.value.best.times[-1] == error.value.best.final.time < 0.1
+    reached = error.value.best.times[-1]
+    assert reached == error.value.best.final.time < 0.1
+    told = float(str(error.value).split("at ")[1].split(" s")[0])
+    assert reached + 1e-5 < told < reached + 1e-3
     assert np.isfinite(error.value.best.x).all()
 
 

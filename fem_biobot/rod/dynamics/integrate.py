@@ -163,7 +163,7 @@ class _Run:
         self.model, self.ground, self.drive, self.settings, self.step = model, ground, drive, settings, step
         self.samples: list[dict[str, Any]] = []
         self.iterations = self.factorisations = self.halved = self.divided = 0
-        self.worst = 0.0
+        self.worst = self.reached = 0.0
 
     def begin(self, start: RodState | Checkpoint | None) -> None:
         """Arrays of the start; refuses what cannot be."""
@@ -290,7 +290,8 @@ class _Run:
             left -= made
             if left:
                 if self.settings.largest_error is not None:
-                    self._fail(self.time, self.step / 2**adaptive_kernels.FINEST, _OUTCOMES[self.outcome])
+                    part = self.step / 2**adaptive_kernels.FINEST
+                    self._fail(self.time + self.reached * self.step, part, _OUTCOMES[self.outcome])
                 self._halved(self.time, self.step, self.step, 1)
                 self.n_steps += 1
                 left -= 1
@@ -300,8 +301,12 @@ class _Run:
         pulls, factors = self._tables(times)
         made, self.outcome, *work = self.run(h, after or h, pulls, factors)
         if self.settings.integrator is Integrator.implicit:
-            iterations, factorisations, residual, *undone, divided = work
-            self.halved += sum(undone)
+            iterations, factorisations, residual, *work = work
+            if self.settings.largest_error is None:
+                (divided,) = work
+            else:
+                undone, divided, self.reached = work
+                self.halved += undone
             self.iterations += iterations
             self.factorisations += factorisations
             self.divided += divided

@@ -5,7 +5,8 @@ output grid stays and few lengths occur. A part is undone and begun again with h
 
 * Newton's iteration does not end,
 * a contact begins or ceases to touch, to stick or to slip, or turns its slip, and the part is longer than the one to
-  which changes are to be located: bisection, since the part before the change is accepted on the way;
+  which changes are to be located: bisection, since the part before the change is accepted on the way (without friction
+  stick and slip are the same);
 * its error is too large. The error of positions by the trapezoidal rule is ``length^3 / 12`` times the derivative of
   the acceleration (Dahlquist and Bjorck 1974, 8.5), here its difference from the part before over the length: one try
   tells it. It may be the part's share of what is allowed a step, so that those of a step add up to that.
@@ -60,7 +61,8 @@ def adaptive_run(
     Parameters are those of `rod.dynamics.run.kernels.implicit_run`, but for `dissipation` [1/s], from which follows the
     weight of each part's end, the level to which changes of contact are `located`, and the error `allowed` a step [mm].
     `state.alert` carries the level from step to step. Returns the steps made, the outcome of the last try, iterations,
-    factorisations, the largest residual accepted, tries undone, and steps made in parts.
+    factorisations, the largest residual accepted, tries undone, steps made in parts, and how much of a step that failed
+    was made [1].
     """
     pull = np.empty(pulls.shape[1])
     factors = np.empty(load_factors.shape[1])
@@ -115,7 +117,7 @@ def adaptive_run(
                     copy_state(work.kept, state)
                     copy_row(work.kept_book, book)
                     copy(work.kept_tally, tally)
-                    return i, outcome, iterations, factorisations, worst, undone, divided
+                    return i, outcome, iterations, factorisations, worst, undone, divided, at / whole
                 level += 1
                 undone += 1
                 continue
@@ -130,4 +132,4 @@ def adaptive_run(
             divided += int(end == whole and length < h)
             at = end
         state.alert[0] = level + UNSETTLED * unsettled
-    return steps, CONVERGED, iterations, factorisations, worst, undone, divided
+    return steps, CONVERGED, iterations, factorisations, worst, undone, divided, 0.0

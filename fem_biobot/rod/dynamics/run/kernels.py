@@ -20,12 +20,19 @@ ensure_cache_folder()
 
 from numba import njit  # noqa: E402  (numba looks for its cache folder when it loads)
 
-from fem_biobot.friction.kernels import SLIP  # noqa: E402
+from fem_biobot.friction.kernels import LIFTED, SLIP  # noqa: E402
 from fem_biobot.rod.dynamics.ground.kernels import gives_way, settle_contacts  # noqa: E402
 from fem_biobot.rod.dynamics.inertia.kernels import copy, copy_frames, copy_row  # noqa: E402
 from fem_biobot.rod.dynamics.kernels import CONVERGED  # noqa: E402
 
 AFTER = 2  # steps after one with a change of contact that are divided, too
+
+
+@njit(**INNER, **BORROWS)
+def _rubs(plane, i):
+    """Whether contact `i` has friction in any direction: without, to stick and to slip are the same."""
+    mu = plane.static[i]
+    return max(mu[0], mu[1], mu[2], mu[3]) > 0.0
 
 
 @njit(**INNER, **BORROWS)
@@ -35,9 +42,11 @@ def contact_changes(grounded, system, plane, state, work, h):
         return False
     settle_contacts(work)
     for i in range(grounded):
-        if state.touch[i] != work.settled[i]:
+        before, after = state.touch[i], work.settled[i]
+        if before != after and (before == LIFTED or after == LIFTED or _rubs(plane, i)):
             return True
-        if state.touch[i] == SLIP and (state.slide[i, 0] * work.slid[i, 0] + state.slide[i, 1] * work.slid[i, 1] < 0.0):
+        turned = state.slide[i, 0] * work.slid[i, 0] + state.slide[i, 1] * work.slid[i, 1] < 0.0
+        if before == SLIP and turned and _rubs(plane, i):
             return True
     return gives_way(system.foot, system.touching.shape[0], plane, state, work, h)
 

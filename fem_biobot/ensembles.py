@@ -145,6 +145,7 @@ class Ensemble(Generic[Walked]):
                 }
                 for gait in self.gaits
             ],
+            "notes": list(dict.fromkeys(note for each in given for note in each["notes"])),
         }
         return plain(found)
 

@@ -46,7 +46,7 @@ class Walk(Strokes):
     events
         What happened, in order of time.
     notes
-        What was used instead of what, one line each.
+        What it is to be read with, one line each.
     wall_time
         Processor time of the motion [s].
     """

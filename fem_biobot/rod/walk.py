@@ -15,7 +15,7 @@ from fem_biobot.design_parts import Drive
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.muscle.waveforms import DriveFunction, drive_function, drive_named
 from fem_biobot.rod.anatomy import anatomy
-from fem_biobot.rod.dynamics.integrate import Checkpoint, Motion, Settings, dynamics
+from fem_biobot.rod.dynamics.integrate import Checkpoint, Integrator, Motion, Settings, dynamics
 from fem_biobot.rod.events import cut, fall, happened, joined
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import Ground
@@ -129,7 +129,8 @@ def walk(
         left_out = min(math.ceil(_TRANSIENT * frequency - 1e-9), strokes // 2) if discard is None else discard
         spent = time.thread_time() - clock
         name = driven.description.waveform
-        return Walk(motion, frequency, driven.size, name, step, left_out, stood, design, happened(motion), (), spent)
+        events, notes = happened(motion), notes_of(ground, settings, step)
+        return Walk(motion, frequency, driven.size, name, step, left_out, stood, design, events, notes, spent)
 
     left = duration - (first if before else 0.0)
     over = not before or fall(joined(motions)) is None
@@ -163,6 +164,20 @@ def walk(
 def settings_of(design: Design | None) -> Settings:
     """Of the integrator, as a design asks for."""
     return Settings(largest_error=design.numerics.largest_error if design else None)
+
+
+def notes_of(ground: Ground, settings: Settings, step: float) -> tuple[str, ...]:
+    """What a walk is to be read with: that steps of one length, of `step` [s], may find gaits that shorter ones do not.
+
+    So they do where friction jumps from static to kinetic; explicit steps are as short as any.
+    """
+    jumps = (ground.static_coefficients > ground.kinetic_coefficients).any()
+    if not jumps or settings.largest_error is not None or settings.integrator is Integrator.explicit:
+        return ()
+    return (
+        f"static friction is above kinetic and steps have one length, {1e3 * step:g} ms: what gait is found may depend "
+        'on it; numerics.largest_error = "0.2 nm" with steps of 0.5 ms follows changes of contact',
+    )
 
 
 def _driven(waveform: str | Drive | None, given: Drive | None, frequency: float, amplitude: float) -> DriveFunction:

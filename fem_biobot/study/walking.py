@@ -252,6 +252,8 @@ def walks_of(
             note(f"{place}, {frequency:g} Hz: no foot slips, so the machine stays where it stands")
         for event in found.events:
             note(f"{place}, {frequency:g} Hz: {event.text}")
+        for text in found.notes:
+            note(f"walking: {text}")
         yield found
 
 

@@ -71,6 +71,7 @@ def test_an_ensemble_tells_means_and_gaits() -> None:
     summary = made.summary()
     assert summary["starts_1"] == 3
     assert summary["steps_mm"] == steps
+    assert summary["notes"] == list(made.walks[0].notes) != []
     json.dumps(summary, allow_nan=False)
     assert all(each.start is made.walks[0].start is not None for each in made.walks)
     with pytest.raises(ModelError, match="starts: found 0"):

@@ -17,7 +17,7 @@ from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.friction.kernels import SLIP, STICK
 from fem_biobot.rod import rest
 from fem_biobot.rod import walk as walk_module
-from fem_biobot.rod.dynamics.integrate import Motion
+from fem_biobot.rod.dynamics.integrate import Integrator, Motion, Settings
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.ground import ContactPoints, Ground
 from fem_biobot.rod.model import RodModel, RodState
@@ -25,7 +25,7 @@ from fem_biobot.rod.records import Body, Muscle, Rigid, Rod
 from fem_biobot.rod.reduce import ground_of, reduce
 from fem_biobot.rod.rest import floating, placed, stance
 from fem_biobot.rod.section import RodMaterial, Section
-from fem_biobot.rod.walk import walk
+from fem_biobot.rod.walk import notes_of, walk
 
 
 @cache
@@ -55,6 +55,27 @@ def test_steps_and_speed_are_those_of_the_path() -> None:
     assert walked.step_mm == pytest.approx((x[5] - x[2]) / 3, abs=1e-12)
     assert walked.speed_mm_per_s == pytest.approx((x[5] - x[2]) / (3 * T), abs=1e-11)
     assert walked.step_spread_mm == pytest.approx(np.std(np.diff(x)[2:], ddof=1), abs=1e-12)
+
+
+def test_steps_of_one_length_are_noted_where_friction_jumps() -> None:
+    """A walk says so, in its summary too; not with adaptive or explicit steps, nor where nothing jumps.
+
+    Catches: a note that every walk has, one that no walk has, reverse coefficients that are not looked at.
+    """
+    walked = short_walk()
+    (note,) = walked.notes
+    assert walked.summary()["notes"] == [note]
+    assert "1 ms" in note
+    assert 'numerics.largest_error = "0.2 nm"' in note
+    turned = Ground(0.4, 0.4, reverse_static_friction=0.4, reverse_kinetic_friction=0.3)
+    assert len(notes_of(turned, Settings(), 5e-4)) == 1
+    assert "0.5 ms" in notes_of(turned, Settings(), 5e-4)[0]
+    for ground, settings in (
+        (Ground(0.4, 0.4, reverse_static_friction=0.2), Settings()),
+        (turned, Settings(largest_error=2e-7)),
+        (turned, Settings(integrator=Integrator.explicit)),
+    ):
+        assert notes_of(ground, settings, 1e-3) == ()
 
 
 def test_closing_is_measured_along_the_chord_from_the_standing_machine() -> None:

@@ -69,7 +69,8 @@ def test_a_walk_leaves_a_whole_result(result: tuple[Path, dict[str, Any]], desig
 def test_the_summary_of_a_walk_has_the_keys_of_the_contract(result: tuple[Path, dict[str, Any]]) -> None:
     """Every walk has its model, speed, step, stroke, slip, work and efficiencies.
 
-    Catches: a key renamed.
+    What a walk is to be read with is among the notes of the result. Catches: a key renamed, a note of the walk that no
+    report shows.
     """
     _, summary = result
     (walk,) = summary["walks"]
@@ -78,6 +79,7 @@ def test_the_summary_of_a_walk_has_the_keys_of_the_contract(result: tuple[Path, 
         "work_pillar_uJ", "work_walk_uJ", "efficiency_1", "mechanical_efficiency_1", "energy_error_1",
     }  # fmt: skip
     assert walk["model"] == "rod"
+    assert summary["notes"] == [f"walking: {walk['notes'][0]}"]
     assert walk["stroke_mm"] > 0.1
     assert abs(walk["energy_error_1"]) < 1e-2
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,39 +23,25 @@ from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidState, solve
 from fem_biobot.solid.stress import ball, probe, von_mises
 from fem_biobot.study.adaptive import refined_finding
+from fem_biobot.study.convergence_told import (
+    QUANTITIES,
+    draw,
+    energy_told,
+    limit_rows,
+    limits_table,
+    told,
+    values_table,
+)
 from fem_biobot.study.finding import Finding
 from fem_biobot.study.reporter import Reporter
-from fem_biobot.study.richardson import Limit, Verdict, limit
+from fem_biobot.study.richardson import Limit, limit
 from fem_biobot.study.views import state_view
-from fem_biobot.tables import Table
-from fem_biobot.view.tissue import lines
 
 ELEMENTS = ("P1", "P2", "P2-P1")
-_QUANTITIES = {
-    "muscle_force_mN": "muscle force",
-    "tip_closing_mm": "tip closing",
-    "sagitta_mm": "sagitta",
-    "tip_deflection_mm": "tip deflection",
-    "fibre_stretch_1": "fibre stretch",
-    "strain_energy_uJ": "strain energy",
-    "skeleton_energy_uJ": "strain energy, skeleton",
-    "junction_energy_uJ": "strain energy, junctions",
-    "ring_energy_uJ": "strain energy, rings",
-    "ball_von_mises_kPa": "von Mises, ball about the corner",
-    "max_von_mises_kPa": "von Mises, highest point",
-    "fillet_von_mises_kPa": "von Mises, peak in a fillet",
-}
-# of these, what parts of a machine do
-_LOCAL = (
-    "skeleton_energy_uJ",
-    "junction_energy_uJ",
-    "ring_energy_uJ",
-    "ball_von_mises_kPa",
-    "max_von_mises_kPa",
-    "fillet_von_mises_kPa",
-)
 # radius of the fillets that stand in for sharp corners, over the beam's thickness
 _FILLET = 0.3
+# sizes of a study by default, and how much coarser each is than the next
+_SIZES, _COARSER = 5, math.sqrt(1.6)
 # of all that depends on the whole solution, once elements at a re-entrant right angle are small: twice the exponent of
 # its displacements (Williams 1952)
 CORNER_ORDER = 2 * 0.5445
@@ -70,7 +56,7 @@ class ConvergencePlan:
     Attributes
     ----------
     sizes
-        Of the meshes, falling [mm]; None: the design's own and twice 1.6 times as coarse.
+        Of the meshes, falling [mm]; None: five, the design's own and four times 1.26 (the root of 1.6) as coarse.
     elements
         Out of P1, P2 and P2-P1.
     wanted
@@ -108,7 +94,7 @@ class ConvergencePlan:
     def falling(self, design: Design) -> tuple[float, ...]:
         """Sizes from the coarsest."""
         own = design.mesh.size
-        return tuple(sorted(self.sizes or (own, 1.6 * own, 2.56 * own), reverse=True))
+        return tuple(sorted(self.sizes or (own * _COARSER**k for k in range(_SIZES)), reverse=True))
 
     def rounded(self, design: Design) -> Design | None:
         """The design with the fillets in which the peak is looked for; None for none."""
@@ -138,7 +124,7 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
         notes += [note for note in more if note not in notes]
         for element in plan.elements:
             try:
-                row, state = _row(design, mesh, element, size)
+                row, state = measured_row(design, mesh, element, size)
                 if rounded is not None:
                     try:
                         row["fillet_von_mises_kPa"] = fillet_peak(rounded, size, sizes[0], element)
@@ -152,37 +138,27 @@ def convergence_finding(design: Design, plan: ConvergencePlan, figures: Path, re
             reporter.advance(f"{element} at {size:g} mm")
     # edges at which gel and tissue turn inwards, or meet, are in every bot, with fillets, too; in a graded mesh the
     # elements at these have the ratio of the sizes asked for, of which the mean size knows little
-    most, graded = CORNER_ORDER if design.kind == "bot" else math.inf, layout(design).grading != "even"
-    limits = _limits(rows, plan, most, graded)
+    theory, graded = CORNER_ORDER if design.kind == "bot" else math.inf, layout(design).grading != "even"
+    limits = _limits(rows, plan, theory, graded)
     if not limits:
         raise SolveError("convergence: found no element with a state on three meshes, expected one")
     refined = refined_finding(design, plan.rounds, sizes[0], rows, figures, reporter) if plan.rounds else None
     if rounded is not None:
         radius = rounded.value("skeleton.fillet_radius")
         notes.append(f"the peak in a fillet is that of the design with fillets of {radius:.3g} mm at its corners")
-    remarks = [f"{element}, {_QUANTITIES[name]}: {_told(found)}" for (element, name), found in limits.items()]
-    remarks += [told for element in plan.elements for told in energy_told(rows, limits, element)]
+    remarks = [f"{element}, {QUANTITIES[name]}: {told(name, found)}" for (element, name), found in limits.items()]
+    remarks += [line for element in plan.elements for line in energy_told(rows, limits, element)]
+    numbers = limit_rows(limits)
     return Finding(
         {
             "wanted_error_1": plan.wanted,
             "refined": dict(refined.numbers) if refined else None,
             "rows": rows,
-            "limits": [
-                {
-                    "element": element,
-                    "quantity": name,
-                    "value": found.value,
-                    "error_1": found.error if found.verdict is not Verdict.not_converging else None,
-                    "order_1": None if found.order != found.order else found.order,
-                    "verdict": found.verdict.value,
-                    "size_for_wanted_mm": None if found.size != found.size else found.size,
-                }
-                for (element, name), found in limits.items()
-            ],
+            "limits": numbers,
         },
-        [_values(rows), _verdicts(limits), *(refined.tables if refined else ())],
-        {"convergence": rows, **(refined.series if refined else {})},
-        [*_draw(design, rows, limits, figures), *(refined.figures if refined else ())],
+        [values_table(rows), limits_table(limits), *(refined.tables if refined else ())],
+        {"convergence": rows, "limits": numbers, **(refined.series if refined else {})},
+        [*draw(design, rows, limits, figures), *(refined.figures if refined else ())],
         notes,
         [*remarks, *(refined.remarks if refined else ())],
         list(refined.views)
@@ -202,7 +178,7 @@ def fillet_peak(rounded: Design, size: float, coarsest: float, element: str) -> 
     """
     radius = float(rounded.value("skeleton.fillet_radius"))
     mesh = build_mesh(rounded, size, corner_share=min(CORNER_SHARE, 0.25 * math.pi * radius / coarsest))
-    _, state = _row(rounded, mesh, element, size)
+    _, state = measured_row(rounded, mesh, element, size)
     return max(
         float(np.mean(von_mises(probe(state.model.system, ball(at, 0.25 * radius, _ACROSS)).cauchy_stress(state))))
         for line in layout(rounded).corner_lines
@@ -236,8 +212,8 @@ def energy_parts(design: Design, state: SolidState) -> dict[str, float]:
     }
 
 
-def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dict[str, object], SolidState]:
-    """Measures of the state on one mesh with one element, and the state."""
+def measured_row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dict[str, object], SolidState]:
+    """Measures of a design's state at full drive, or under its whole load, on one mesh with one element; the state."""
     whole = SolidModel.from_design(design, mesh)
     model = SolidModel(mesh, whole.materials, whole.active, whole.supports, whole.loads, element=element)
     tension = design.tension(design.drive.amplitude) if design.muscle is not None else 0.0
@@ -251,107 +227,24 @@ def _row(design: Design, mesh: BodyMesh, element: str, size: float) -> tuple[dic
         "elements_1": mesh.n_elements,
         "unknowns_1": model.n_dofs,
     }
-    return row | {name: found[name] for name in _QUANTITIES if found.get(name) is not None}, state
+    return row | {name: found[name] for name in QUANTITIES if found.get(name) is not None}, state
 
 
 def _limits(
-    rows: Sequence[dict[str, object]], plan: ConvergencePlan, most: float, graded: bool
+    rows: Sequence[Mapping[str, object]], plan: ConvergencePlan, theory: float, graded: bool
 ) -> dict[tuple[str, str], Limit]:
     """The limit of every quantity that has values on three meshes, by element and name."""
     limits = {}
     for element in plan.elements:
         own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
-        for name in _QUANTITIES:
+        for name in QUANTITIES:
             having = [row for row in own if name in row]
             # two sizes asked for may give one mesh
             kept = [r for i, r in enumerate(having) if not i or r["size_mm"] != having[i - 1]["size_mm"]]
             if len(kept) >= 3:
                 sizes, values = ([float(str(row[key])) for row in kept] for key in ("size_mm", name))
-                asked = [float(str(row["asked_size_mm"])) for row in kept[-3:]]
-                limits[element, name] = limit(sizes, values, plan.wanted, most, asked[0] / asked[2] if graded else None)
+                asked = [float(str(row["asked_size_mm"])) for row in (kept[0], kept[-1])]
+                limits[element, name] = limit(
+                    sizes, values, plan.wanted, theory, asked[0] / asked[1] if graded else None
+                )
     return limits
-
-
-def _told(found: Limit) -> str:
-    """A verdict in words."""
-    if found.verdict is Verdict.not_converging:
-        return "not converging, its changes do not shrink: no number of any mesh can be quoted"
-    order = "" if found.order != found.order else f", order {found.order:.2g}"
-    text = f"{found.value:.5g}, the finest mesh within {100.0 * found.error:.2g} %{order}"
-    if found.verdict is Verdict.undecided and found.order == found.order:
-        return f"undecided, its changes are small and do not shrink: {text}; ask for finer meshes"
-    if found.verdict is Verdict.undecided:
-        return f"undecided, the meshes are too much alike: {text}; ask for sizes further apart"
-    if found.verdict is Verdict.converging:
-        return f"converging: {text}; elements of {found.size:.2g} mm in the mean for what was asked"
-    return f"converged: {text}"
-
-
-def energy_told(rows: Sequence[dict[str, object]], limits: dict[tuple[str, str], Limit], element: str) -> list[str]:
-    """That it is the rings' energy which changes, where the machine's has not converged and the rest does less."""
-    whole = limits.get((element, "strain_energy_uJ"))
-    if whole is None or whole.verdict is Verdict.converged or (element, "ring_energy_uJ") not in limits:
-        return []
-    own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
-    energy, rings = (np.array([row[name] for row in own[-2:]]) for name in ("strain_energy_uJ", "ring_energy_uJ"))
-    change, without = (100.0 * abs(float(e[1] / e[0]) - 1.0) for e in (energy, energy - rings))
-    if without >= change:
-        return []
-    return [
-        f"{element}, strain energy: {rings[1]:.3g} of {energy[1]:.4g} uJ are the rings', which are squeezed onto the "
-        "edges of their pillars, about which their fibres turn; without these its last change is "
-        f"{without:.2g} % in place of {change:.2g} %"
-    ]
-
-
-def _values(rows: Sequence[dict[str, object]]) -> Table:
-    header = tuple(dict.fromkeys(key for row in rows for key in row))
-    return Table("One state on every mesh", header, tuple(tuple(row.get(key) for key in header) for row in rows))
-
-
-def _verdicts(limits: dict[tuple[str, str], Limit]) -> Table:
-    lines = []
-    for (element, name), found in limits.items():
-        bar = "" if found.verdict is Verdict.not_converging else f"{100.0 * found.error:.2g} %"
-        order = "" if found.order != found.order else f"{found.order:.2g}"
-        size = "" if found.size != found.size else f"{found.size:.2g}"
-        lines.append((element, _QUANTITIES[name], found.value, bar, order, found.verdict.value, size))
-    header = (
-        "element",
-        "quantity",
-        "limit",
-        "error of the finest",
-        "order",
-        "verdict",
-        "mean size for what was asked [mm]",
-    )
-    return Table("What they tend to", header, tuple(lines))
-
-
-def _draw(
-    design: Design,
-    rows: Sequence[dict[str, object]],
-    limits: dict[tuple[str, str], Limit],
-    figures: Path,
-) -> list[tuple[Path, str]]:
-    """Every quantity over its value on the finest mesh: what the whole does, and stress and energy by part."""
-    found = []
-    for element in dict.fromkeys(element for element, _ in limits):
-        own = sorted((row for row in rows if row["element"] == element), key=lambda row: -float(str(row["size_mm"])))
-        sizes = [float(str(row["size_mm"])) for row in own]
-        for suffix, words, local in (
-            ("", "what the whole does", False),
-            ("_local", "stress, and energy by part", True),
-        ):
-            curves = {
-                _QUANTITIES[name]: (sizes, [float(str(row[name])) / float(str(own[-1][name])) for row in own])
-                for element_of, name in limits
-                if element_of == element and (name in _LOCAL) == local and float(str(own[-1][name])) != 0.0
-            }
-            if not curves:
-                continue
-            file = figures / f"convergence_{element}{suffix}.png"
-            title = f"{design.name}, {element}: {words}"
-            lines(file, curves, x="mean element size [mm]", y="over the finest [1]", title=title)
-            found.append((file, f"{element}: {words}, over the value on the finest mesh."))
-    return found

@@ -122,6 +122,26 @@ def test_the_mesh_study_refuses_a_peak_that_settles_and_a_mean_that_grows() -> N
         refuses(lambda found=found: module.expect(found, "smoke"), word)
 
 
+def test_the_mesh_study_refuses_a_bar_that_misses_the_limit_or_is_wide() -> None:
+    """What five meshes know passes with the closing that was found, not with 1 % less, or scatter of 0.3 %.
+
+    Catches: a bar that is told and compared with nothing.
+    """
+    module = study("mesh_error")
+    sizes = (0.424588, 0.384481, 0.337552, 0.305562, 0.268219)
+    force = (4.431429, 4.427195, 4.420045, 4.409275, 4.405135)
+    closing = (3.636135, 3.647764, 3.662554, 3.672779, 3.683002)
+
+    def told(values: tuple[float, ...]) -> list[dict[str, float]]:
+        rows = zip(sizes, values, force, strict=True)
+        return module.bars([{"size_mm": h, "tip_closing_mm": u, "muscle_force_mN": f} for h, u, f in rows])
+
+    module.expect_bars(told(closing))
+    refuses(lambda: module.expect_bars(told(tuple(0.99 * u for u in closing))), "does not hold")
+    uneven = tuple(u * (1.0 + 0.003 * sign) for u, sign in zip(closing, (1, -1, 1, -1, 1), strict=True))
+    refuses(lambda: module.expect_bars(told(uneven)), "known to")
+
+
 def test_orders_and_limits_of_a_power_are_found() -> None:
     """Richardson's order and the fit recover ``v = 2 - 0.3 h^1.37``, and no order where differences grow.
 

@@ -61,10 +61,14 @@ def mesh_for(design: Design, size: float | None = None) -> tuple[BodyMesh, list[
                 f"or give a mesh file"
             ) from missing
         asked = design.mesh.size if size is None else size
+        plan = layout(design)
+        coarse = (
+            "; along the pillars' edges it is coarse, and rings overlap them there" if plan.edge_share < 1.0 else ""
+        )
         note = (
             f"Gmsh cannot start ({missing.library} is missing): the committed mesh {mesh.source['file']} of size "
             f"{mesh.source['size_mm']:g} mm, grading {mesh.source['grading']}, was used for the size {asked:g} mm, "
-            f"grading {layout(design).grading}, asked for; {advice}"
+            f"grading {plan.grading}, asked for{coarse}; {advice}"
         )
         return mesh, [note]
 

@@ -20,6 +20,9 @@ Point = tuple[float, float, float]
 # of elements along y to those across, in meshes for the closing: beam, junction and the edges at which their errors
 # arise run along y, and what happens there changes little along it
 ALONG_EDGES = 1.5
+# of a ring's elements along the vertical edges of pillars that it wraps around unbonded, to those elsewhere in it: what
+# overlaps at an edge is a share of the facets' length (`studies/ring_contact.py`)
+EDGE_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,9 @@ class Layout:
         The same for the beam, so that landmarks inside it lie on facets.
     for_closing
         Whether a mesh is to be finer where the tips' closing is decided, with elements that are longer along y.
+    edge_share
+        Size of a ring's elements along the vertical edges that it wraps around unbonded, to those elsewhere in it [1];
+        1 where rings are bonded and edges of no concern.
     """
 
     beam: Box | None
@@ -99,11 +105,12 @@ class Layout:
     cuts: tuple[float, ...] = ()
     beam_cuts: tuple[float, ...] = ()
     for_closing: bool = False
+    edge_share: float = 1.0
 
     @property
     def grading(self) -> str:
-        """What `mesh.grading` comes to for this body: a strip and a cantilever are even."""
-        return "closing" if self.for_closing else "even"
+        """What `mesh.grading` comes to for this body: a strip, a cantilever are even; with edges where rings slide."""
+        return ("closing" if self.for_closing else "even") + (" with edges" if self.edge_share < 1.0 else "")
 
     @property
     def lengthened(self) -> float:
@@ -213,6 +220,7 @@ def _bot(design: Design) -> Layout:
         cuts,
         (pillars[0].high[0], 0.0, pillars[-1].low[0]),
         design.mesh.grading == "closing",
+        EDGE_SHARE if m.attachment == "contact" else 1.0,
     )
 
 

@@ -35,6 +35,8 @@ CLOSING_CORNER_SHARE, CLOSING_SPAN_SHARE = 0.112, 0.45
 ENTRY_SHARE, LEG_SHARE = 0.09, 0.24
 # of a ring's thickness: how far about the edges; of a junction's half width: how far along the ring's leg
 ENTRY_REACH, LEG_REACH = 0.15, 1.8
+# of a ring's thickness: how far about the pillars' vertical edges, where it wraps around them unbonded
+EDGE_REACH = 0.15
 # how fast elements grow with the distance from a refined part
 GROWTH, CLOSING_GROWTH = 0.45, 0.5
 
@@ -116,6 +118,8 @@ def _zones(plan: Layout, h: float, corner_share: float) -> Iterator[tuple[Box, f
     for hole in plan.holes:
         ring = next(box for box in plan.muscle if box not in plan.thin and box.low[0] < hole.low[0] < box.high[0])
         yield ring, (hole.low[0] - ring.low[0]) * h / (RING_ACROSS * thickness)
+    if plan.edge_share < 1.0:
+        yield from _edge_zones(plan, h / thickness)
     r = plan.fillet_radius
     for start, end, sign in plan.corner_lines:
         x0, x1 = sorted((start[0], start[0] + sign * r))
@@ -126,6 +130,18 @@ def _zones(plan: Layout, h: float, corner_share: float) -> Iterator[tuple[Box, f
         x, y, z = plan.landmarks[name]
         d = CORNER_MIDDLE_REACH * thickness
         yield Box((x - d, y - d, z - d), (x + d, y + d, z + d)), min(corner_share, CORNER_MIDDLE_SHARE) * h
+
+
+def _edge_zones(plan: Layout, coarseness: float) -> Iterator[tuple[Box, float]]:
+    """About the pillars' vertical edges, as high as the rings and a little higher; elements in proportion to these."""
+    hole, ring = plan.holes[0], plan.muscle[0]
+    w = hole.low[0] - ring.low[0]
+    d = EDGE_REACH * w
+    for pillar in plan.pillars:
+        for x in (pillar.low[0], pillar.high[0]):
+            for y in (pillar.low[1], pillar.high[1]):
+                box = Box((x - d, y - d, hole.low[2] - d), (x + d, y + d, hole.high[2] + d))
+                yield box, plan.edge_share * w * coarseness / RING_ACROSS
 
 
 def _closing_zones(plan: Layout, h: float) -> Iterator[tuple[Box, float]]:

@@ -8,12 +8,14 @@ from fem_biobot.config import geometry_digest
 from fem_biobot.design import Design
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.mesh.layout import layout
 from fem_biobot.mesh.tagged import read_mesh, write_mesh
 
 
 def stored_file(design: Design, folder: Path) -> Path:
     """File of a design's mesh in a store: named by what shapes it, and by nothing else."""
-    graded = "" if design.mesh.grading == "even" else f"_{design.mesh.grading}"
+    grading = layout(design).grading
+    graded = "" if grading == "even" else f"_{grading.replace(' ', '_')}"
     return folder / f"{geometry_digest(design)}_{design.mesh.size!r}mm{graded}.msh"
 
 

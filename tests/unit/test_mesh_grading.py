@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from fem_biobot.design import Design
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.foreign import export_part, import_mesh
 from fem_biobot.mesh.geometry import build_mesh, remeshed
-from fem_biobot.mesh.layout import ALONG_EDGES, Layout, layout, shortened
+from fem_biobot.mesh.layout import ALONG_EDGES, EDGE_SHARE, Layout, layout, shortened
 from fem_biobot.mesh.sizes import SizeField
 from fem_biobot.mesh.store import stored_file
 from fem_biobot.solid.from_design import tension_step
@@ -36,6 +37,18 @@ def edge_at(mesh: BodyMesh, place: tuple[float, float, float], reach: float) -> 
     near = np.linalg.norm(middle - np.array(place)[:, None], axis=0) < reach
     assert near.sum() > 3, place
     return float(np.linalg.norm(b - a, axis=0)[near].mean())
+
+
+def along_edge(mesh: BodyMesh, x: float, y: float, z: tuple[float, float]) -> float:
+    """Mean length of the edges that lie on a vertical line between two heights [mm]."""
+    a, b = mesh.points[:, mesh.edges[0]], mesh.points[:, mesh.edges[1]]
+    on = np.ones(a.shape[1], dtype=bool)
+    for end in (a, b):
+        on &= (
+            (np.abs(end[0] - x) < 1e-9) & (np.abs(end[1] - y) < 1e-9) & (end[2] > z[0] - 1e-9) & (end[2] < z[1] + 1e-9)
+        )
+    assert on.any(), (x, y)
+    return float(np.abs(b[2] - a[2])[on].mean())
 
 
 def test_elements_are_small_where_the_closing_is_decided() -> None:
@@ -64,6 +77,36 @@ def test_elements_are_small_where_the_closing_is_decided() -> None:
         x = sign * graded.points[0] - 3.0
         assert np.count_nonzero((np.abs(x) < 0.3) & (np.abs(graded.points[2] - 1.6) < 0.3)) > 100
     assert graded.n_unknowns < 1.7 * plain.n_unknowns
+
+
+@pytest.mark.parametrize("preset", ["junction_bot", "ring_bot"])
+def test_elements_are_small_along_the_edges_that_unbonded_rings_wrap_around(preset: str, tmp_path: Path) -> None:
+    """On all vertical edges of the pillars, as high as the rings, elements are a fifth of those elsewhere in the
+    ring, give or take a third; away from there, and where rings are bonded, they are as they were. At most half more
+    unknowns on the junction bot; a store keeps both meshes apart.
+
+    Catches: edges of one pillar or one side only, zones below the rings, a mesh of bonded rings taken for loose ones.
+    """
+    even = load_design(preset)
+    loose = even.with_values({"muscle.attachment": "contact", "muscle.pillar_friction": 0.3})
+    h = even.mesh.size
+    plain, fine = build_mesh(even, h), build_mesh(loose, h)
+    plan, muscle, skeleton = layout(loose), even.muscle, even.skeleton
+    assert muscle is not None
+    assert skeleton is not None
+    size = EDGE_SHARE * float(muscle.ring_thickness or 0.0) * h / skeleton.beam_thickness
+    assert (plan.grading, layout(even).grading) == ("even with edges", "even")
+    z = plan.holes[0].low[2], plan.holes[0].high[2]
+    for pillar in plan.pillars:
+        for x, y in product((pillar.low[0], pillar.high[0]), (pillar.low[1], pillar.high[1])):
+            before, after = (along_edge(mesh, x, y, (z[0], z[1])) for mesh in (plain, fine))
+            assert after == pytest.approx(size, rel=1.0 / 3.0), (x, y)
+            assert after < 0.5 * before, (x, y)
+    beam = (0.0, 0.0, even.beam_axis_height)
+    assert edge_at(fine, beam, 1.5 * h) > 0.9 * edge_at(plain, beam, 1.5 * h)
+    if preset == "junction_bot":
+        assert fine.n_unknowns < 1.5 * plain.n_unknowns
+    assert stored_file(even, tmp_path) != stored_file(loose, tmp_path)
 
 
 def test_a_loop_has_no_entries_and_a_strip_is_even(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array
+from fem_biobot.solid.interface.depth import distances
 from fem_biobot.solid.interface.rays import kernels as rays
 from fem_biobot.solid.interface.state import LIFTED, Ints, Touch
 from fem_biobot.solid.interface.touch import Contact
@@ -65,7 +66,8 @@ class PartForce:
     slid
         Farthest that a pressed place of the body has come along the surface since the undeformed state [mm].
     overlap
-        Deepest that single points of the surfaces overlap [mm]: what the mesh does not resolve.
+        Deepest that single points of the body lie below the surface, to its nearest place [mm]: what the mesh does not
+        resolve.
     """
 
     force: Array
@@ -105,7 +107,8 @@ def part_forces(state: SolidState) -> list[PartForce]:
     contact, touch = _contact(state)
     s = contact.surfaces
     u = np.ascontiguousarray(state.u.T)
-    points, basis = contact.frames(np.ascontiguousarray(contact.X + u))
+    x = np.ascontiguousarray(contact.X + u)
+    points, basis = contact.frames(x)
     met = touch.facet >= 0
     tractions = np.einsum("ck,cfs->fks", s.hats, touch.traction[s.corners]).reshape(-1, 3)
     weight = np.where(met, s.weights.ravel(), 0.0)
@@ -116,6 +119,9 @@ def part_forces(state: SolidState) -> list[PartForce]:
     found = []
     for part in range(s.n_parts):
         own = contact.part == part
+        below = np.flatnonzero(own & met & (touch.at[:, 2] < 0.0))
+        gap = touch.at[below, 2]
+        depth = distances(points[below] + gap[:, None] * basis[below, 0], -gap, x, s.nodes[:, s.part == part])
         corners = np.unique(s.corners[:, s.part == part])
         found.append(
             PartForce(
@@ -125,7 +131,7 @@ def part_forces(state: SolidState) -> list[PartForce]:
                 float(weight[own & pressed].sum()),
                 float(touch.traction[corners, 0].max()),
                 float(away[own & pressed].max(initial=0.0)),
-                float(np.maximum(-touch.at[own & met, 2], 0.0).max(initial=0.0)),
+                float(depth.max(initial=0.0)),
             )
         )
     return found

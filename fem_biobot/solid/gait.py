@@ -257,6 +257,7 @@ class SolidWalk(Strokes):
             "work_viscous_uJ": -work["viscous"],
             "work_drag_uJ": -work["drag"],
             "work_integrator_uJ": -work["integrator"],
+            **({"work_rings_friction_uJ": -work["rubbing"]} if self.motion.between else {}),
             "duration_s": float(self.times[-1] - self.times[0]),
             "settling_time_s": self.start.time,
             "step_s": self.step,
@@ -276,4 +277,4 @@ class SolidWalk(Strokes):
         return plain(found)
 
 
-_WORKS = ("muscle", "friction", "viscous", "drag", "integrator")
+_WORKS = ("muscle", "friction", "viscous", "drag", "integrator", "rubbing")

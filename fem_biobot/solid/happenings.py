@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fem_biobot.solid.dynamics.motion import SolidMotion
-from fem_biobot.solid.touching import touching_parts
+from fem_biobot.solid.touching import in_contact, touching_parts
 
 _UPRIGHT = 0.5  # cosine of the tilt at which a machine has fallen
 _BURIED = 1e-3  # mm below the ground that a part may reach before it is told
@@ -79,8 +79,9 @@ def happened(motion: SolidMotion) -> tuple[Happening, ...]:
     normal, height = motion.ground.axes[0], motion.ground.height
     depth = height - np.array([(normal @ (X + u))[other].min() for u in motion.u])
     note("buried", depth > _BURIED, f"a part other than a sole is below the ground, {depth.max():.3g} mm at most,")
+    mesh, allowed = motion.body.model.mesh, in_contact(motion.body.model)
     for i in np.unique(np.linspace(0, len(times) - 1, _LOOKS).astype(int)):
-        if words := touching_parts(motion.body.model.mesh, motion.u[i]):
+        if words := touching_parts(mesh, motion.u[i], allowed):
             events.append(Happening("touching", float(times[i]), f"{words}, at {times[i]:.4g} s"))
             break
     return tuple(sorted(events, key=lambda event: event.time))

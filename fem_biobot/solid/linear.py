@@ -42,7 +42,15 @@ class NotPositiveDefiniteError(Exception):
     """The matrix has a direction of no or negative stiffness; the caller halves its step or reports instability."""
 
 
-class Factorisation(Protocol):
+class Solver(Protocol):
+    """What solves for forces on the displacements."""
+
+    def solve(self, b: Array) -> Array:
+        """Answer to one right side (dofs,) or several (k, dofs); a new array."""
+        ...
+
+
+class Factorisation(Solver, Protocol):
     """A factorisation that can be renewed for new values on the same pattern.
 
     `negative_pivots` of the latest matrix are as many as its negative eigenvalues.

@@ -1,7 +1,8 @@
 """How a meshed machine stands: the shape its standing tension bends it to, put on its feet and left to settle.
 
-The shape is static, without weight. How it stands is found by steps of backward Euler that grow longer and take all
-energy of motion: feet that stick leave more than one answer, and this one is where the machine would come to rest.
+The shape is static, without weight; rings that are not bonded have slid in it to where static contact has them. How it
+stands is found by steps of backward Euler that grow longer and take all energy of motion: feet that stick, and rings,
+leave more than one answer, and this one is where the machine would come to rest.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ def stand(
     floating = solve(body.model, [passive], settings=newton_settings(design)).last
     feet = feet or feet_of(body, FEET)
     u, tilt = placed(body, floating, ground, feet)
-    at: SolidState | SolidCheckpoint = SolidState(body.model, passive, u, pressure=floating.pressure)
+    at: SolidState | SolidCheckpoint = replace(floating, u=u)
     weight = float(np.linalg.norm(body.weight.sum(axis=0)))
     still = _STILL * max(weight, 1e-12) * 1e-3
     time, step, energy = 0.0, _FIRST, np.inf
@@ -125,7 +126,7 @@ def _rested(body: MovingBody, found: SolidCheckpoint) -> SolidCheckpoint:
     u, still = found.state.u, np.zeros_like(found.state.u)
     touch = found.state.touch._replace(slide=np.zeros_like(found.state.touch.slide))
     p = found.state.p
-    return SolidCheckpoint(State(u, still, still, touch, p), begun(body, u, still, p), 0.0)
+    return SolidCheckpoint(State(u, still, still, touch, p, found.state.between), begun(body, u, still, p), 0.0)
 
 
 def placed(body: MovingBody, shape: SolidState, ground: Ground, feet: Feet) -> tuple[Array, float]:

@@ -81,9 +81,15 @@ def write_contact(folder: Path, files: Sequence[str], state: SolidState) -> None
     except OSError as error:
         raise file_error(error, folder / _FOLDER) from None
     names = [f"{_FOLDER}/{Path(file).stem.removeprefix('solid_')}.vtp" for file in files]
+    write_footprint(folder / names[-1], state)
+    write_pvd(folder / f"{_FOLDER}.pvd", [(float(k), name) for k, name in enumerate(names)])
+
+
+def write_footprint(path: Path, state: SolidState) -> None:
+    """What presses on the pillars in a state, as a surface for ParaView."""
     found = footprint(state)
     write_vtp(
-        folder / names[-1],
+        path,
         found.points,
         found.triangles,
         point_data={
@@ -95,7 +101,6 @@ def write_contact(folder: Path, files: Sequence[str], state: SolidState) -> None
             "cover_1": found.cover,
         },
     )
-    write_pvd(folder / f"{_FOLDER}.pvd", [(float(k), name) for k, name in enumerate(names)])
 
 
 def draw_contact(folder: Path, design: Design, shown: Sequence[Found]) -> list[tuple[Path, str]]:

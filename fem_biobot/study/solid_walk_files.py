@@ -14,6 +14,7 @@ from fem_biobot.friction.kernels import LIFTED, SLIP
 from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.study import walk_files
+from fem_biobot.study.contact_outputs import contact_numbers, write_footprint
 from fem_biobot.study.outputs import figures_folder, tables_folder, write_state, write_table
 from fem_biobot.study.provenance import appendix
 from fem_biobot.study.together_files import draw_together
@@ -24,6 +25,8 @@ from fem_biobot.vtk import write_pvd, write_vtp
 Array = np.ndarray
 
 MOST_STATES = 60  # of a series
+# entries of the book that parts make which slide on each other
+_RINGS = ("rubbing", "pressing")
 _WORDS = {LIFTED: "lifted", SLIP: "slip"}
 _SHOWN = (
     "model", "immersion", "frequency_Hz", "active_force_mN", "step_mm", "step_spread_mm", "speed_mm_per_s", "stroke_mm",
@@ -39,7 +42,15 @@ def label(walk: SolidWalk) -> str:
 
 def summary_of(walk: SolidWalk) -> dict[str, Any]:
     """`SolidWalk.summary` with where it walked."""
-    return {"immersion": walk.design.ground.immersion, **walk.summary()}
+    rings = rings_of(walk)
+    most = {f"largest_{key}": max(abs(ring[key]) for ring in rings) for key in (rings[0] if rings else ())}
+    return {"immersion": walk.design.ground.immersion, **walk.summary(), **most}
+
+
+def rings_of(walk: SolidWalk) -> list[dict[str, float]]:
+    """What each pillar bears of a ring that is not bonded, at each sample; none where the tissue is bonded."""
+    motion = walk.motion
+    return [contact_numbers(walk.design, motion.state(i)) for i in range(len(motion.between))]
 
 
 def write_walk(folder: Path, walk: SolidWalk, series: str) -> None:
@@ -56,7 +67,11 @@ def write_walk(folder: Path, walk: SolidWalk, series: str) -> None:
         for c, way in enumerate(("normal", "forward", "left")):
             columns[f"{name}_{way}_mN"] = walk.foot_force[:, k, c]
         columns[f"{name}_state"] = np.array([_WORDS.get(int(s), "stick") for s in walk.foot_state[:, k]])
-    for name in ("kinetic", "strain", "weight", "muscle", "viscous", "drag", "friction", "normal", "integrator"):
+    rings = rings_of(walk)
+    for name in rings[0] if rings else ():
+        columns[name] = np.array([ring[name] for ring in rings])
+    stored = ("kinetic", "strain", "weight")
+    for name in (*stored, "muscle", "viscous", "drag", "friction", "normal", "integrator", *(_RINGS if rings else ())):
         columns[f"{name}_uJ"] = walk.motion.energy(name)
     columns["unexplained_uJ"] = walk.motion.energy_error
     plain = ([f"{v:.9g}" if isinstance(v, float) else v for v in np.asarray(c).tolist()] for c in columns.values())
@@ -66,7 +81,10 @@ def write_walk(folder: Path, walk: SolidWalk, series: str) -> None:
 
 
 def _write_series(folder: Path, walk: SolidWalk, name: str) -> None:
-    """``solid.pvd`` has the body with stress and displacement, ``solid_contacts.pvd`` the ground's forces."""
+    """``solid.pvd`` has the body with stress and displacement, ``solid_contacts.pvd`` the ground's forces.
+
+    ``solid_rings.pvd`` has the footprint of rings that are not bonded.
+    """
     motion, feet = walk.motion, walk.motion.feet
     assert feet is not None
     contacts = folder / name
@@ -75,7 +93,7 @@ def _write_series(folder: Path, walk: SolidWalk, name: str) -> None:
     except OSError as error:
         raise file_error(error, contacts) from None
     every = -(-len(motion.times) // MOST_STATES)
-    bodies, points = [], []
+    bodies, points, rings = [], [], []
     area = np.where(feet.area > 0.0, feet.area, np.inf)
     X = motion.body.system.space.points[:, feet.nodes]
     for number, i in enumerate(range(0, len(motion.times), every)):
@@ -97,6 +115,11 @@ def _write_series(folder: Path, walk: SolidWalk, name: str) -> None:
             names={"foot_names": list(feet.names), "touch_names": ["lifted", "stick", "slip"]},
         )
         points.append((time, f"{name}/contacts_{number:04d}.vtp"))
+        if motion.between:
+            rings.append((time, f"{name}/rings_{number:04d}.vtp"))
+            write_footprint(folder / rings[-1][1], motion.state(i))
+    if rings:
+        write_pvd(folder / f"{name}_rings.pvd", rings)
     write_pvd(folder / f"{name}.pvd", bodies)
     write_pvd(folder / f"{name}_contacts.pvd", points)
 
@@ -152,7 +175,8 @@ def _draw_one(figures: Path, walk: SolidWalk) -> list[tuple[Path, str]]:
             drive=walk.drive, title=f"Forces on the solid's feet over a stroke at {name}",
         )  # fmt: skip
     stored = {key: motion.energy(key) for key in ("kinetic", "strain", "weight")}
-    work = {key: motion.energy(key) for key in ("muscle", "viscous", "drag", "friction", "normal", "integrator")}
+    names = ("muscle", "viscous", "drag", "friction", "normal", "integrator", *_RINGS)
+    work = {key: motion.energy(key) for key in names}
     out.append((figures / f"energy_{word}.png", f"Energy stored in the solid, work on it, and the rest, at {name}."))
     energy_book(
         out[-1][0], walk.times, stored, {key: values for key, values in work.items() if np.ptp(values) > 0.0},

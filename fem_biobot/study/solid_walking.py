@@ -13,6 +13,7 @@ import numpy as np
 
 from fem_biobot.config import digest
 from fem_biobot.design import Design
+from fem_biobot.design_checks import refuse_unbonded
 from fem_biobot.design_tissue import told
 from fem_biobot.errors import BiobotError, FileError, SolveError
 from fem_biobot.files import write_json
@@ -24,13 +25,16 @@ from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.compiling import compile_kernels
 from fem_biobot.solid.dynamics.body import MovingBody
+from fem_biobot.solid.dynamics.book import BOOK
 from fem_biobot.solid.dynamics.feet import feet_of
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint, SolidMotion
 from fem_biobot.solid.gait import SolidWalk
+from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.standing import FEET, Standing, stand
 from fem_biobot.solid.walk import refuse_unwalkable, solid_ground, solid_walk, walking_body
 from fem_biobot.study import outputs, solid_walk_files, walk_files
+from fem_biobot.study.contact_outputs import contact_notes
 from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.versions import versions
@@ -83,6 +87,7 @@ def walk_solid(
     refuse_unwalkable(design)
     check_plan(design, plan)
     if rods:
+        refuse_unbonded(design, "walk beside its rods")
         reduce(design)  # refuses what rods cannot have
     job = _Job(design, out, plan, rods, mesh_file, names, reporter or Silent())
     done = job.folder.done(job.reporter, force=force, resume=resume)
@@ -117,7 +122,8 @@ class _Job:
         self.reporter.stage("mesh", 1)
         mesh = self._mesh()
         self.reporter.advance(f"{mesh.n_elements} elements, {mesh.n_unknowns} unknowns")
-        compile_kernels(self.reporter, self.design.mesh.element)
+        sliding = self.design.value("muscle.attachment") == "contact"
+        compile_kernels(self.reporter, self.design.mesh.element, sliding=sliding)
         body = walking_body(self.design, mesh)
         self.mesh = outputs.mesh_summary(mesh, body.system.n_dofs, str(self.design.mesh.element))
         for note in body.system.notes:
@@ -198,6 +204,8 @@ class _Job:
             )  # fmt: skip
             if not (found.foot_slips > 0.0).any():
                 self._note(f"solid, {place}, {frequency:g} Hz: no foot slips, so the machine stays where it stands")
+            for text in contact_notes(design, solid_walk_files.rings_of(found)):
+                self._note(text)
             for text in [*found.notes, *(event.text for event in found.events)]:
                 self._note(f"solid, {place}, {frequency:g} Hz: {text}")
             self._take(found)
@@ -254,14 +262,17 @@ def _key(design: Design, frequency: float, number: int) -> str:
     return f"solid_walk_{design.ground.immersion}_{frequency:g}Hz_{number:05d}"
 
 
-_OBJECTS = ("body", "ground", "feet", "drive", "final")
+_OBJECTS = ("body", "ground", "feet", "drive", "final", "between")
 
 
 def _arrays(motion: SolidMotion) -> dict[str, Any]:
     """A motion as named arrays."""
     found = {f.name: getattr(motion, f.name) for f in fields(SolidMotion) if f.name not in _OBJECTS}
     driven = np.array([(s.load, s.tension, s.time) for s in motion.drive])
-    return {**found, "driven": driven, **{f"final_{k}": v for k, v in motion.final.arrays().items()}}
+    found["driven"] = driven
+    if motion.between:
+        found |= {f"between_{k}": np.array([getattr(b, k) for b in motion.between]) for k in Touch._fields}
+    return {**found, **{f"final_{k}": v for k, v in motion.final.arrays().items()}}
 
 
 def _kept(folder: ResultFolder, design: Design, frequency: float, body: MovingBody) -> Iterator[SolidMotion]:
@@ -275,7 +286,13 @@ def _kept(folder: ResultFolder, design: Design, frequency: float, body: MovingBo
             final = SolidCheckpoint.from_arrays({k[6:]: v for k, v in kept.items() if k.startswith("final_")})
             values: dict[str, Any] = {f.name: kept[f.name] for f in fields(SolidMotion) if f.name not in _OBJECTS}
             drive = tuple(Step(load, tension, time=t) for load, tension, t in kept["driven"].tolist())
+            sliding = () if body.joint is None else tuple(kept[f"between_{k}"] for k in Touch._fields)
+            if values["book"].shape[1] != len(BOOK):
+                raise KeyError(BOOK[values["book"].shape[1]])
         except KeyError as error:
             raise FileError(f"{folder.path}: a saved stroke lacks {error}; --force starts anew") from None
         plain: dict[str, Any] = {k: v.item() if np.ndim(v) == 0 else v for k, v in values.items()}
-        yield SolidMotion(body=body, ground=ground, feet=feet, drive=drive, final=final, **plain)
+        yield SolidMotion(
+            body=body, ground=ground, feet=feet, drive=drive, final=final,
+            between=tuple(Touch(*arrays) for arrays in zip(*sliding, strict=True)), **plain,
+        )  # fmt: skip

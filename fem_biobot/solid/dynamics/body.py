@@ -13,6 +13,7 @@ from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array, is_symmetric
 from fem_biobot.solid.dynamics.drag import DragTerm, SurfaceDrag, drag_term
 from fem_biobot.solid.held import Held
+from fem_biobot.solid.interface.joint import Joint
 from fem_biobot.solid.linear import product
 from fem_biobot.solid.mass import density_of, mass_matrix
 from fem_biobot.solid.model import SolidModel
@@ -45,6 +46,8 @@ class MovingBody:
         Mass that each node stands for, ``int rho N_a``, (n,) [kg].
     drag
         Of the medium on its surface; None without.
+    joint
+        Where parts slide on each other; None where all is bonded.
     """
 
     model: SolidModel
@@ -54,6 +57,7 @@ class MovingBody:
     viscosity: Array | None
     node_mass: Array
     drag: DragTerm | None = None
+    joint: Joint | None = None
 
     def momentum_of(self, v: Array) -> Array:
         """Mass matrix times velocities (n, 3), in global axes, (n, 3) [kg mm/s]."""
@@ -107,11 +111,9 @@ def moving_body(
     Raises
     ------
     ModelError
-        Parts that slide on each other, a passive law without an energy, densities or numbers that do not fit.
+        A passive law without an energy, densities or numbers that do not fit, what a sliding contact refuses.
     """
     system = model.system
-    if model.sliding is not None:
-        raise ModelError("solid_dynamics: found parts that slide on each other, expected all parts bonded")
     if not all(is_symmetric(law) for law, _ in system.laws):
         raise ModelError("solid_dynamics: found a passive law without an energy, expected one for the book of energies")
     g = numbers(gravity, "gravity", "an acceleration of three finite numbers")
@@ -135,7 +137,7 @@ def moving_body(
     weight = np.outer(node_mass - medium_density * node_volume, g)
     wetted = None if drag is None else drag_term(drag, model.mesh, system)
     mass = mass_matrix(system, model.mesh, densities)
-    return MovingBody(model, system, mass, weight, viscosity, node_mass, wetted)
+    return MovingBody(model, system, mass, weight, viscosity, node_mass, wetted, _joint(model, system))
 
 
 def holding(body: MovingBody, dofs: Ints) -> MovingBody:
@@ -150,7 +152,12 @@ def holding(body: MovingBody, dofs: Ints) -> MovingBody:
     still = Prescribed((), sparse.csr_matrix((len(dofs), 0)), sparse.csr_matrix((0, 0)), np.zeros((3, 0)), 1.0)
     held = replace(system.held, dofs=dofs, prescribed=still)
     blocked = np.flatnonzero(fixed[rows] | fixed[pattern.columns])
-    return replace(body, system=replace(system, held=held, blocked=blocked, diagonal=pattern.starts[:-1][dofs]))
+    system = replace(system, held=held, blocked=blocked, diagonal=pattern.starts[:-1][dofs])
+    return replace(body, system=system, joint=_joint(body.model, system))
+
+
+def _joint(model: SolidModel, system: System) -> Joint | None:
+    return None if model.sliding is None else Joint(system, model.mesh, model.sliding)
 
 
 def released(system: System) -> System:

@@ -1,8 +1,10 @@
 """The book of energies of a motion: what is stored, and by whose work it changed; it closes up to the tolerance.
 
 Every entry is computed from its own quantities, none as what is left over: kinetic, strain and potential energy at the
-end of a step, and the work over it of muscle, loads, viscosity, friction, normal forces, supports, drag. The
-integrator's own share is what inertia and stress take beyond the change of their energies.
+end of a step, and the work over it of muscle, loads, viscosity, the ground's friction and normal forces, supports and
+drag, and of parts that slide on each other: `rubbing` is their friction's, `pressing` that of their normal forces,
+which is what impacts take, and what gaps of single points give and take where they find other facets opposite to them.
+The integrator's own share is what inertia and stress take beyond the change of their energies.
 """
 
 from __future__ import annotations
@@ -18,11 +20,12 @@ from fem_biobot.solid.dynamics.strain import green_lagrange, strain_change, work
 # the first three are states, the others sums over time [uJ]
 BOOK = (
     "kinetic", "strain", "weight", "muscle", "loads", "viscous", "friction", "normal", "supports", "integrator", "drag",
+    "rubbing", "pressing",
 )  # fmt: skip
 
 
 def begun(body: MovingBody, u: Array, v: Array, p: Array) -> Array:
-    """The book where a motion begins, (11,) [uJ]."""
+    """The book where a motion begins, (13,) [uJ]."""
     book = np.zeros(len(BOOK))
     passive = body.system.points(body.system.deformation_gradient(u), 0.0, p, moduli=False)
     book[:3] = kinetic(body, v), float(np.sum(passive.psi * body.system.space.dV)), -float(np.sum(body.weight * u))
@@ -72,6 +75,9 @@ def entered(
         out[7] += float(done[0])
     if forces.drag is not None:
         out[10] += float(np.sum(forces.drag * du))
+    if made.between is not None:
+        out[11] += float(np.sum(made.between.rubbing * du))
+        out[12] += float(np.sum(made.between.pressing * du))
     held = system.held.dofs
     if held.size:
         out[8] += float(forces.reaction @ system.to_local(du).ravel()[held])
@@ -80,6 +86,6 @@ def entered(
 
 
 def unexplained(book: Array) -> Array:
-    """What the book does not explain, (s,) [uJ], of its rows (s, 11)."""
+    """What the book does not explain, (s,) [uJ], of its rows (s, 13)."""
     stored = book[:, :3].sum(axis=1)
     return stored - stored[0] - (book[:, 3:] - book[0, 3:]).sum(axis=1)

@@ -21,7 +21,7 @@ from fem_biobot.friction.scratch import ContactScratch, scratch
 from fem_biobot.material.law import Array
 from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.feet import Feet
-from fem_biobot.solid.linear import Factorisation
+from fem_biobot.solid.linear import Solver
 from fem_biobot.solid.space import Ints
 
 TOLERANCE = 1e-12  # residual asked of the contact problem
@@ -85,6 +85,18 @@ class Contact:
         """Forget the compliance: the factor has changed."""
         self._known[:] = False
 
+    def learn(self, factor: Solver) -> None:
+        """Keep the symmetric part of the compliance of all points until it is asked for again."""
+        self.renew()
+        self._learn(factor, np.arange(self.count))
+        m = 3 * self.count
+        whole = self._compliance.reshape(m, m)
+        self._compliance = (0.5 * (whole + whole.T)).reshape(self._compliance.shape)
+
+    def moved_by(self, force: Array) -> Array:
+        """By how much forces (c, 3) [mN] move the points by the compliance that was learnt, (c, 3) [mm]."""
+        return np.einsum("makb,kb->ma", self._compliance, force)
+
     def positions(self, u: Array) -> Array:
         """Along normal, forward and left, the normal one above the plane, (c, 3) [mm]."""
         x = (self.X[self.feet.nodes] + u[self.feet.nodes]) @ self.axes.T
@@ -97,7 +109,7 @@ class Contact:
         out[self.feet.nodes] = force @ self.axes
         return out
 
-    def solve(self, factor: Factorisation, before: Array, after: Array, h: float, touch: Touch, guess: Array) -> Met:
+    def solve(self, factor: Solver, before: Array, after: Array, h: float, touch: Touch, guess: Array) -> Met:
         """Forces at the points at the end of a step.
 
         Parameters
@@ -162,7 +174,7 @@ class Contact:
             self._room = scratch(c)
         return self._room
 
-    def _learn(self, factor: Factorisation, points: Ints) -> None:
+    def _learn(self, factor: Solver, points: Ints) -> None:
         """Columns of the compliance for these points."""
         missing = points[~self._known[points]]
         held = self.body.system.held.dofs

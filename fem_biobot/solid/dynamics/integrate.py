@@ -23,7 +23,9 @@ from fem_biobot.solid.dynamics.drag import SurfaceDrag
 from fem_biobot.solid.dynamics.feet import Feet, feet_of
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint, SolidMotion, SolidMotionInterrupted
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
+from fem_biobot.solid.dynamics.sliding import SlidingStepper
 from fem_biobot.solid.dynamics.step import Interval, State, Stepper
+from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.model import SolidModel, SolidState, checked_step
 from fem_biobot.solid.records import Step, numbers
 from fem_biobot.solid.step_failed import StepFailedError
@@ -90,8 +92,8 @@ def solid_dynamics(
     Raises
     ------
     ModelError
-        Times that are not positive, no densities, a ground without feet, a ground or a mixed form under
-        ``energy_momentum``, a start that does not fit or lies in the ground.
+        Times that are not positive, no densities, a ground without feet, a ground, a mixed form or parts that slide
+        under ``energy_momentum``, a start that does not fit or lies in the ground.
     SolveError
         A step that fails after being halved; `best` is the `SolidMotion` up to the last sample.
     SolidMotionInterrupted
@@ -158,6 +160,11 @@ class _Run:
                 f"settings: scheme: found {settings.scheme} on a ground, expected backward_euler or soft_landing, "
                 "whose impacts do not bounce"
             )
+        if body.joint is not None and settings.scheme is Scheme.energy_momentum:
+            raise ModelError(
+                f"settings: scheme: found {settings.scheme} with parts that slide on each other, expected "
+                "backward_euler or soft_landing, whose parts do not bounce off each other"
+            )
         if body.system.mixed is not None and settings.scheme is Scheme.energy_momentum:
             raise ModelError(
                 f"settings: scheme: found {settings.scheme} with element {body.model.element}, expected "
@@ -167,7 +174,7 @@ class _Run:
         given = isinstance(feet, Feet)
         self.feet = None if ground is None else feet if given else feet_of(body, feet)
         self.contact = None if ground is None or self.feet is None else Contact(body, self.feet, ground)
-        self.stepper = Stepper(body, self.contact, settings)
+        self.stepper = (Stepper if body.joint is None else SlidingStepper)(body, self.contact, settings)
         self._drive = drive or (lambda t: Step(tension=0.0, time=t))
         self.rows: list[dict[str, Any]] = []
         self.work = np.zeros(4, dtype=np.int64)  # steps, iterations, factorisations, halved
@@ -179,7 +186,8 @@ class _Run:
         n, c = system.space.n_nodes, 0 if self.contact is None else self.contact.count
         if isinstance(start, SolidCheckpoint):
             kept = start.state
-            if (kept.u.shape, len(kept.touch.state), len(kept.p)) != ((n, 3), c, system.n_pressures):
+            fits = (kept.u.shape, len(kept.touch.state), len(kept.p)) == ((n, 3), c, system.n_pressures)
+            if not fits or not self._fits(kept.between):
                 raise ModelError("start: found a checkpoint of another body or ground, expected one of this body")
             self.state, self.book, self.time = start.state, start.book.copy(), start.time
         else:
@@ -196,7 +204,12 @@ class _Run:
             p = np.zeros(system.n_pressures)
             if start is not None and start.pressure is not None:
                 p = np.array(start.pressure, dtype=float)
-            self.state = State(u, v, np.zeros((n, 3)), untouched(c), p)
+            between = None if start is None else start.touch
+            if between is None and self.body.joint is not None:
+                between = self.body.joint.contact.begun()
+            if not self._fits(between):
+                raise ModelError("start: found a state of parts that slide otherwise, expected one of this body")
+            self.state = State(u, v, np.zeros((n, 3)), untouched(c), p, between)
             self.book, self.time = begun(self.body, u, v, p), 0.0
             if self.contact is not None:
                 lowest = self.contact.positions(u)[:, 0]
@@ -207,6 +220,13 @@ class _Run:
                     )
         self.clear()
         self.sample()
+
+    def _fits(self, between: Touch | None) -> bool:
+        """Whether a state of sliding parts is one of this body's."""
+        joint = self.body.joint
+        if joint is None or between is None:
+            return joint is None and between is None
+        return len(between.state) == joint.contact.count
 
     def _supports_begin(self, dt: float) -> Array:
         """Velocity at which supports set out, (held,) [mm/s]: one-sided difference of order two."""
@@ -278,6 +298,7 @@ class _Run:
                 "contact_share": self.tally[:, 4] / since,
                 "book": self.book.copy(),
                 "drive": self.driven(self.time),
+                "between": s.between,
             }
         )
         self.final = SolidCheckpoint(self.state, self.book.copy(), self.time)
@@ -287,11 +308,12 @@ class _Run:
         """Up to the last sample."""
         count, work, worst, final = self.kept
         columns: dict[str, Any] = {key: [row[key] for row in self.rows[:count]] for key in self.rows[0]}
-        drive = tuple(columns.pop("drive"))
+        drive, between = (tuple(columns.pop(name)) for name in ("drive", "between"))
         steps, iterations, factorisations, halved = (int(k) for k in work)
         return SolidMotion(
             self.body, self.ground, self.feet, drive=drive, steps=steps, iterations=iterations,
             factorisations=factorisations, halved=halved, largest_residual=worst, final=final,
+            between=() if self.body.joint is None else between,
             **{key: np.array(values) for key, values in columns.items()},
         )  # fmt: skip
 

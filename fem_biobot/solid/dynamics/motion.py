@@ -15,6 +15,7 @@ from fem_biobot.solid.dynamics.book import BOOK, unexplained
 from fem_biobot.solid.dynamics.contact import Touch
 from fem_biobot.solid.dynamics.feet import Feet
 from fem_biobot.solid.dynamics.step import State
+from fem_biobot.solid.interface.state import Touch as Between
 from fem_biobot.solid.model import SolidState
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.space import Ints
@@ -41,6 +42,8 @@ class SolidCheckpoint:
         s = self.state
         named = {"u": s.u, "v": s.v, "change": s.change, **s.touch._asdict()}
         named["p"] = s.p
+        if s.between is not None:
+            named |= {f"between_{k}": v for k, v in s.between._asdict().items()}
         return {**named, "book": self.book, "time": np.array(self.time)}
 
     @classmethod
@@ -48,7 +51,10 @@ class SolidCheckpoint:
         """From what `arrays` gave, or an open npz file of it."""
         touch = Touch(*(np.array(arrays[k]) for k in Touch._fields))
         u, v, change, p = (np.array(arrays[k]) for k in ("u", "v", "change", "p"))
-        state = State(u, v, change, touch, p)
+        between = None
+        if "between_state" in arrays:
+            between = Between(*(np.array(arrays[f"between_{k}"]) for k in Between._fields))
+        state = State(u, v, change, touch, p, between)
         return cls(state, np.array(arrays["book"]), float(arrays["time"]))
 
 
@@ -78,9 +84,11 @@ class SolidMotion:
     slip_share, contact_share
         Share of the time since the last sample in which a point slipped, or bore a force, (s, c) [1].
     book
-        Energies at the samples, (s, 11) [uJ]; columns are `solid.dynamics.book.BOOK`.
+        Energies at the samples, (s, 13) [uJ]; columns are `solid.dynamics.book.BOOK`.
     drive
         What drove it at each sample.
+    between
+        Of parts that slide on each other at each sample; none where all is bonded.
     steps, iterations, factorisations, halved
         Work: steps made, Newton iterations, factorisations, steps that had to be halved.
     largest_residual
@@ -110,11 +118,13 @@ class SolidMotion:
     halved: int
     largest_residual: float
     final: SolidCheckpoint
+    between: tuple[Between, ...] = ()
 
     def state(self, i: int) -> SolidState:
         """The sample `i`, whose stress is that of its laws and muscles (without viscosity)."""
+        between = self.between[i] if self.between else None
         moving = self.v[i] if self.v.shape[-1] else None
-        return SolidState(self.body.model, self.drive[i], self.u[i], velocity=moving, pressure=self.p[i])
+        return SolidState(self.body.model, self.drive[i], self.u[i], velocity=moving, pressure=self.p[i], touch=between)
 
     def energy(self, name: str) -> Array:
         """A column of the book, (s,) [uJ]."""
@@ -144,7 +154,7 @@ def joined(motions: Sequence[SolidMotion]) -> SolidMotion:
         parts = [getattr(motion, each.name) for motion in motions]
         if isinstance(parts[0], np.ndarray):
             values[each.name] = np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
-        elif each.name == "drive":
+        elif isinstance(parts[0], tuple):
             values[each.name] = parts[0] + sum((part[1:] for part in parts[1:]), ())
         elif isinstance(parts[0], int):
             values[each.name] = sum(parts)

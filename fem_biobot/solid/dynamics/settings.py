@@ -20,9 +20,10 @@ class Scheme(StrEnum):
       change of the strain energy (Gonzalez 2000). Order two; keeps momentum and angular momentum, and without viscosity
       energy, up to the tolerance. For smooth motion.
     * ``soft_landing``: as the one before without the correction, with ``theta = 1/2 + dissipation h`` in place of one
-      half, ``v1 = (du/h - (1 - theta) v0) / theta``, for all nodes but those of the feet, which move by backward Euler,
-      ``v1 = du/h``. What touches the ground neither bounces nor chatters, and the body's own swinging is not damped as
-      backward Euler damps it. Order two where nothing touches, one with contact, with a small constant.
+      half, ``v1 = (du/h - (1 - theta) v0) / theta``, for all nodes but those of the feet and of surfaces that slide on
+      each other, which move by backward Euler, ``v1 = du/h``. What touches neither bounces nor chatters, and the body's
+      own swinging is not damped as backward Euler damps it. Order two where nothing touches, one with contact, with a
+      small constant.
     """
 
     backward_euler = "backward_euler"

@@ -17,6 +17,7 @@ from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.contact import ACCEPTED, Contact, Met, Touch
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
 from fem_biobot.solid.dynamics.strain import green_lagrange, stress_of, stretch_of
+from fem_biobot.solid.interface.state import Touch as Sliding
 from fem_biobot.solid.linear import Factorisation, NotPositiveDefiniteError, factorisation
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.step_failed import StepFailedError, Why
@@ -44,6 +45,8 @@ class State(NamedTuple):
         Of the contact points.
     p
         Pressures of the mixed form, (m,) [kPa]; none without.
+    between
+        Of parts that slide on each other; None where all is bonded.
     """
 
     u: Array
@@ -51,6 +54,7 @@ class State(NamedTuple):
     change: Array
     touch: Touch
     p: Array
+    between: Sliding | None = None
 
 
 class Interval(NamedTuple):
@@ -106,12 +110,19 @@ class Forces(NamedTuple):
     scale: float
 
 
-class _At:
+class At:
     """Where an iteration stands: displacement, pressures, forces, and what the ground does, (dofs,) [mN]."""
 
     def __init__(self, u: Array, p: Array, forces: Forces, pushed: Array) -> None:
         self.u, self.p, self.forces, self.pushed = u, p, forces, pushed
         self.norm = float(np.linalg.norm(forces.unbalanced - pushed))
+
+
+class BetweenForces(NamedTuple):
+    """Forces of parts on each other at the end of a step: of their friction, and along their normals, (n, 3) [mN]."""
+
+    rubbing: Array
+    pressing: Array
 
 
 class Made(NamedTuple):
@@ -123,6 +134,7 @@ class Made(NamedTuple):
     residual: float
     iterations: int
     factorisations: int
+    between: BetweenForces | None = None
 
 
 class Stepper:
@@ -295,11 +307,11 @@ class Stepper:
 
     def _iterate(self, state: State, u: Array, interval: Interval) -> Made:
         system, settings, contact = self.body.system, self.settings, self.contact
-        rounding = 4.0 * system.rounding_force * (1.0 + float(np.abs(u).max()) / self.body.largest)
+        rounding = self._rounding(u)
         before = contact.positions(state.u) if contact is not None else np.zeros((0, 3))
         theta = settings.theta(interval.h)
         at, met, force = (
-            _At(u, state.p, self.forces(state, u, interval), self._pushed(state.touch.force)),
+            At(u, state.p, self.forces(state, u, interval), self._pushed(state.touch.force)),
             None,
             state.touch.force,
         )
@@ -335,12 +347,16 @@ class Stepper:
                     change += self.factor.solve(pushed)
             moved, pressed = system.parts(change)
             u, p = at.u + moved, at.p + theta * pressed
-            at = _At(u, p, self.forces(state, u, interval, p), pushed)
+            at = At(u, p, self.forces(state, u, interval, p), pushed)
         if met is not None and met.residual > ACCEPTED:
             raise StepFailedError("the contact problem was not solved", Why.iterations)
         share = at.norm / at.forces.scale
         text = f"no convergence in {settings.max_iterations} iterations (residual {share:.2g} of the forces)"
         raise StepFailedError(text, Why.iterations, element=system.loudest(at.forces.unbalanced - at.pushed))
+
+    def _rounding(self, u: Array) -> float:
+        """Norm of the unbalanced force that rounding alone leaves at a displacement [mN]."""
+        return 4.0 * self.body.system.rounding_force * (1.0 + float(np.abs(u).max()) / self.body.largest)
 
     def _pushed(self, force: Array) -> Array:
         """Forces of the ground on the unknowns, zero where these are held, (dofs,) [mN]."""
@@ -353,7 +369,7 @@ class Stepper:
         return pushed
 
     def _made(
-        self, state: State, interval: Interval, at: _At, met: Met | None, iterations: int, factorisations: int
+        self, state: State, interval: Interval, at: At, met: Met | None, iterations: int, factorisations: int
     ) -> Made:
         h = interval.h
         v = self.velocity(state, at.u, h)

@@ -11,18 +11,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from fem_biobot.errors import ModelError
 from fem_biobot.material.law import Array, OutsideLawError
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.solid.interface import kernels
+from fem_biobot.solid.interface.joint import Joint
 from fem_biobot.solid.interface.record import Sliding
 from fem_biobot.solid.interface.saddle import Saddle
 from fem_biobot.solid.interface.state import LIFTED, Touch
-from fem_biobot.solid.interface.surface import surfaces_of
-from fem_biobot.solid.interface.touch import Contact, Pairing, Terms
+from fem_biobot.solid.interface.touch import Pairing, Terms
 from fem_biobot.solid.linear import NotPositiveDefiniteError
 from fem_biobot.solid.newton import Counts, Equilibrium, NewtonSettings, Observer, Trial
 from fem_biobot.solid.records import Step
@@ -30,8 +26,8 @@ from fem_biobot.solid.space import Ints
 from fem_biobot.solid.step_failed import Iterate, StepFailedError, Why
 from fem_biobot.solid.system import InvertedError, Points, System
 
-# points nearer than this begin in contact, and gaps and slips are not met better than that, relative to the body's size
-_TOUCHING, _ROUNDING = 1e-9, 1e-14
+# gaps and slips are not met better than this, relative to the body's size
+_ROUNDING = 1e-14
 # steadies iterations in proportion to what is still missed
 _CALM = 0.1
 # searches for opposite points in a step
@@ -49,23 +45,14 @@ class Pace(NamedTuple):
 _PACES = (Pace(0.3, 30), Pace(1.0, 60))
 
 
-class Slide:
+class Slide(Joint):
     """Solves steps of one model with a sliding contact."""
 
+    name = "PARDISO or SuperLU, unsymmetric, displacements and tractions"
+
     def __init__(self, system: System, mesh: BodyMesh, sliding: Sliding) -> None:
-        """Refuses pressures, and nodes of the surfaces that are held in axes of their own, with `ModelError`."""
-        if system.mixed is not None:
-            raise ModelError("element: found P2-P1 with a sliding contact, expected P2 or P1")
-        self.system = system
-        surfaces = surfaces_of(mesh, system.space, sliding)
-        nodes = np.unique(np.concatenate([surfaces.nodes.ravel(), surfaces.other.ravel()]))
-        if system.turned.size and np.any(system.turned[nodes] >= 0):
-            raise ModelError("sliding: found nodes held along axes of their own, expected free or held along x, y, z")
-        self.contact = Contact(surfaces, sliding, np.ascontiguousarray(system.space.points.T))
-        self.afloat = _joined(system.space.nodes, np.unique(surfaces.other))
-        self.element = float(np.sqrt(surfaces.weights.sum() / len(surfaces.weights)))
-        self.size = float(np.ptp(system.space.points, axis=1).max())
-        self.name = "PARDISO or SuperLU, unsymmetric, displacements and tractions"
+        """As a `Joint`."""
+        super().__init__(system, mesh, sliding)
         self._saddle: Saddle | None = None
 
     def find(
@@ -158,11 +145,10 @@ class Slide:
             scale = max(scale, float(np.linalg.norm(magnitude)), float(np.linalg.norm(f_ext)))
             norm = float(np.linalg.norm(free))
             data = system.matrix(points, S_geo, u, step)
-            stiffness = self._stiffness(data)
-            miss, slope, state = self._law(terms, traction, pairing, stiffness)
+            stiffness = self.stiffness(data)
+            miss, slope, state = self.law(terms, traction, pairing, stiffness)
             if iteration == 0 and not np.any(traction):
-                # where nothing presses yet, what touches is guessed to stick
-                slope[(state > 0) & (self.contact.radii.max(axis=1) > 0.0)] = np.eye(3)
+                self.guess_stick(slope, state)
             worst = float(np.abs(miss).max(initial=0.0))
             observe("iteration", {"iteration": done, "residual": norm / scale if scale else 0.0})
             if not np.isfinite(norm) or not np.isfinite(worst):
@@ -207,23 +193,6 @@ class Slide:
         )
         raise StepFailedError(text, Why.iterations, element=system.loudest(free), iteration=done, best=best)
 
-    def _law(self, terms: Terms, traction: Array, pairing: Pairing, stiffness: float) -> tuple[Array, Array, Ints]:
-        c = self.contact.count
-        miss, slope, state = np.zeros((c, 3)), np.zeros((c, 3, 3)), np.zeros(c, dtype=np.int64)
-        share = stiffness / np.where(pairing.cover > 0.0, pairing.cover, np.inf)
-        share[share == 0.0] = stiffness
-        nearly = _TOUCHING * self.size
-        kernels.coulomb(traction, terms.gaps, share, self.contact.radii, nearly, miss, slope, state)
-        away = pairing.cover == 0.0
-        miss[away], slope[away], state[away] = 0.0, 0.0, 0
-        return miss, slope, state
-
-    def _stiffness(self, data: Array) -> float:
-        """Of a node of the body at the contact [mN/mm]."""
-        even = data if data.ndim == 1 else data[0]
-        dofs = (3 * np.unique(self.contact.surfaces.other)[:, None] + np.arange(3)).ravel()
-        return float(np.abs(even[self.system.pattern.starts[dofs]]).mean())
-
     def _solved(
         self,
         data: Array,
@@ -237,12 +206,12 @@ class Slide:
         done: int,
     ) -> tuple[Array, Array]:
         if self._saddle is None:
-            self._saddle = Saddle(self.system, pairing, self.afloat)
+            self._saddle = self.saddle(pairing)
         try:
             self._saddle.factor(data, terms, slope, stiffness, calm)
         except NotPositiveDefiniteError:
             raise StepFailedError("the matrix of the step is singular", Why.indefinite, iteration=done) from None
-        return self._saddle.solve(free, miss, stiffness)
+        return self._saddle.correction(free, miss, stiffness)
 
     def _points(self, u: Array, step: Step, iteration: int, F: Array | None = None) -> Points:
         try:
@@ -275,12 +244,3 @@ class _Found(NamedTuple):
     pairing: Pairing
     residual: float
     scale: float
-
-
-def _joined(nodes: Ints, seeds: Ints) -> Ints:
-    """Nodes of all elements (b, e) that hang together with the seeds."""
-    n = int(nodes.max()) + 1
-    rows, columns = np.tile(nodes[0], len(nodes) - 1), nodes[1:].ravel()
-    graph = coo_array((np.ones(rows.size, dtype=np.int8), (rows, columns)), shape=(n, n))
-    label = connected_components(graph, directed=False)[1]
-    return np.flatnonzero(np.isin(label, label[seeds])).astype(np.int64)

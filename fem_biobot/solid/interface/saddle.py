@@ -108,7 +108,20 @@ class Saddle:
             odd += np.bincount(place, weights=v * skew, minlength=len(even))
         self._factor.factor(np.stack([even, odd]))
 
-    def solve(self, unbalanced: Array, miss: Array, stiffness: float) -> tuple[Array, Array]:
+    def fits(self, pairing: Pairing) -> bool:
+        """Whether this matrix has a place for every entry of another pairing's."""
+        own = self.pairing
+        names = ("pair", "pair0", "nodes", "nodes0", "corners", "corners0")
+        same = all(np.array_equal(getattr(own, name), getattr(pairing, name)) for name in names)
+        return same and np.array_equal(own.cover > 0.0, pairing.cover > 0.0)
+
+    def solve(self, b: Array) -> Array:
+        """Displacements by forces on them alone, (dofs,) or (k, dofs) in the axes of the system."""
+        whole = np.zeros((*b.shape[:-1], self.size))
+        whole[..., : b.shape[-1]] = b
+        return self._factor.solve(whole)[..., : b.shape[-1]]
+
+    def correction(self, unbalanced: Array, miss: Array, stiffness: float) -> tuple[Array, Array]:
         """Change of the displacement (n, 3) [mm] and of the tractions (c, 3) [kPa] that make both vanish.
 
         `unbalanced` (dofs,) [mN] in the axes of the system, zero where held; `miss` (c, 3) [mm].

@@ -1,0 +1,204 @@
+"""Motion of bodies whose parts slide on each other: slopes, free pairs, rest, the book of energies, going on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fem_biobot import BodyMesh, Fix, SolidModel, SolidMotion, Traction, solve
+from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.material.neo_hooke import NeoHooke
+from fem_biobot.solid.dynamics.integrate import rigid_velocity, solid_dynamics
+from fem_biobot.solid.dynamics.motion import SolidCheckpoint, joined
+from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
+from fem_biobot.solid.interface.record import Sliding
+from fem_biobot.solid.interface.state import LIFTED, SLIP, STICK
+from fem_biobot.solid.newton import NewtonSettings
+from fem_biobot.solid.records import Support
+from tests.helpers import box_mesh
+
+G = 9810.0
+DENSITY = {"slider": 1.1e-6, "base": 1.3e-6}
+EULER, SOFT = Scheme.backward_euler, Scheme.soft_landing
+TOP, BASE = (1.0, 0.8, 0.5), (3.0, 2.4, 0.4)
+
+
+def pair_of_blocks(cells: int = 1) -> BodyMesh:
+    """A block in the middle of a flat, longer one's upper face, on nodes of its own."""
+    base, top = box_mesh((3 * cells, 3 * cells, 1), BASE, names=("base",)), box_mesh((cells, cells, 1), TOP)
+    n, e = base.n_vertices, base.n_elements
+    points = np.hstack([base.points, top.points + np.array([[1.0], [0.8], [0.4]])])
+    surfaces = {"under": base.surfaces["z0"], "bearing": base.surfaces["z1"]}
+    surfaces |= {"sole": top.surfaces["z0"] + n, "lid": top.surfaces["z1"] + n}
+    regions = {"base": base.regions["base"], "slider": top.regions["muscle"] + e}
+    return BodyMesh(points, np.hstack([base.cells, top.cells + n]), regions, surfaces)
+
+
+def blocks(friction: float, *supports: Support, loads: Any = (), element: str = "P1", cells: int = 1) -> SolidModel:
+    laws = {"slider": NeoHooke(40.0, 0.3), "base": NeoHooke(60.0, 0.3)}
+    sliding = Sliding("bearing", "sole", friction, axis=(0.0, 1.0, 0.0))
+    return SolidModel(pair_of_blocks(cells), laws, {}, supports, loads, element, sliding=sliding)
+
+
+def on_slope(angle: float, friction: float, duration: float, step: float = 1e-3, **more: Any) -> SolidMotion:
+    element = more.pop("element", "P1")
+    given: dict[str, Any] = {"damping_time": 1e-3, **more}
+    return solid_dynamics(
+        blocks(friction, Fix("under"), element=element), duration, step, densities=DENSITY,
+        gravity=(G * np.sin(angle), 0.0, -G * np.cos(angle)), **given,
+    )  # fmt: skip
+
+
+def slider_nodes(motion: SolidMotion) -> np.ndarray:
+    """Nodes of the upper block."""
+    return np.unique(motion.body.system.space.nodes[:, motion.body.model.mesh.regions["slider"]])
+
+
+def slider_speed(motion: SolidMotion) -> np.ndarray:
+    """Mean velocity of the upper block along x between samples, (s - 1,) [mm/s]."""
+    nodes = slider_nodes(motion)
+    mass = motion.body.node_mass[nodes]
+    return np.diff(motion.u[:, 0, nodes] @ mass / mass.sum()) / np.diff(motion.times)
+
+
+@pytest.mark.parametrize(("element", "scheme"), [("P1", EULER), ("P2", SOFT)])
+def test_a_block_slides_down_another_as_a_rigid_one(element: str, scheme: Scheme) -> None:
+    """On a slope of 30 degrees it accelerates at g (sin a - mu cos a) within 0.5 %, and rubs all the while.
+
+    Catches: friction of the last step's pressure, slip measured from the undeformed place, a cone per node.
+    """
+    angle, mu = np.radians(30.0), 0.3
+    motion = on_slope(angle, mu, 0.02, 5e-4, element=element, settings=DynamicsSettings(scheme))
+    v, t = slider_speed(motion), 0.5 * (motion.times[1:] + motion.times[:-1])
+    half = len(v) // 2
+    found = (v[-1] - v[half]) / (t[-1] - t[half])
+    assert found == pytest.approx(G * (np.sin(angle) - mu * np.cos(angle)), rel=5e-3)
+    last = motion.between[-1].state
+    assert set(last[last != LIFTED]) == {SLIP}
+
+
+def test_a_block_below_its_friction_stays_where_it_is() -> None:
+    """At nine tenths of the slope on which it would slide it does not creep in 0.4 s.
+
+    Catches: friction regularised by a velocity, stick that drifts by a share of each step.
+    """
+    motion = on_slope(np.arctan(0.9 * 0.5), 0.5, 0.4, 5e-3)
+    late = motion.times >= 0.2
+    assert np.ptp(motion.u[late], axis=0).max() < 1e-7
+    state = motion.between[-1].state
+    assert np.any(state == STICK)
+
+
+def test_friction_between_parts_is_an_entry_of_the_book() -> None:
+    """Sliding down, it takes mu N times the way, and normal forces nothing; what is left unexplained is rounding.
+
+    The way is that of the upper block's sole over the base. Catches: work of one side only, of the traction at the
+    step's beginning, friction entered with the pressure.
+    """
+    angle, mu = np.radians(30.0), 0.3
+    motion = on_slope(angle, mu, 0.02, 5e-4, settings=DynamicsSettings(tolerance=1e-11))
+    normal = motion.body.node_mass[slider_nodes(motion)].sum() * G * np.cos(angle)
+    half = len(motion.times) // 2
+    sole = np.unique(motion.body.model.mesh.surfaces["sole"])
+    way = np.diff(motion.u[[half, -1]][:, 0, sole].mean(axis=1))[0]
+    rubbed = np.diff(motion.energy("rubbing")[[half, -1]])[0]
+    assert rubbed == pytest.approx(-mu * normal * way, rel=0.01)
+    lost = abs(motion.energy("rubbing")[-1])
+    assert abs(motion.energy("pressing")[-1]) < 0.01 * lost
+    assert np.abs(motion.energy_error).max() < 1e-8 * lost
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_free_pair_keeps_its_momentum(friction: float) -> None:
+    """Parts that collide and slide in flight change neither momentum nor, but for gaps, angular momentum.
+
+    Backward Euler loses ``h v1 x M v0`` of it in each step on its own, which is taken off. Friction ``T`` at points
+    with gaps g turns by the sum of ``g |T|`` at most, and no more is allowed; without friction nothing.
+    Catches: forces where the step began, forces on one side only.
+    """
+    model, h = blocks(friction, Fix("under")), 2e-4
+    v = rigid_velocity(model, (5.0, -10.0, 2.0), (4.0, 2.0, -5.0), (0.3, 0.2, 0.1))
+    v[:, np.unique(model.system.space.nodes[:, model.mesh.regions["slider"]])] += np.array([[60.0], [20.0], [-80.0]])
+    motion = solid_dynamics(
+        model, 20 * h, h, densities=DENSITY, free=True, velocity=v, damping_time=1e-3,
+        settings=DynamicsSettings(tolerance=1e-12),
+    )  # fmt: skip
+    assert max(b.traction[:, 0].max() for b in motion.between) > 0.1
+    p, body = motion.momentum, motion.body
+    assert np.abs(p - p[0]).max() < 1e-9 * np.linalg.norm(p[0])
+    assert body.joint is not None
+    lost, most, before = np.zeros(3), 0.0, v.T
+    for k, between in enumerate(motion.between[1:], 1):
+        after = (motion.u[k] - motion.u[k - 1]).T / h
+        lost += h * np.cross(after, body.momentum_of(before)).sum(axis=0)
+        before = after
+        gap = np.abs(between.at[between.facet >= 0, 2]).max(initial=0.0)
+        most += h * gap * float(np.hypot(*between.traction[:, 1:].T) @ body.joint.contact.surfaces.area)
+    spin = motion.angular_momentum
+    scale = np.linalg.norm(spin[0])
+    assert np.linalg.norm(spin[-1] - spin[0] - lost) <= most + 1e-9 * scale
+    assert np.linalg.norm(lost) > 1e-6 * scale
+    assert most < 0.05 * scale
+
+
+def test_a_damped_pair_settles_where_the_static_solver_has_it() -> None:
+    """Pressed and held on its lid, without friction, the upper block ends as the static contact solution.
+
+    Catches: contact forces that the scheme weighs, a gap at another instant than the force.
+    """
+    more = {"loads": [Traction("lid", (0.0, 0.0, -3.0))]}
+    model = blocks(0.0, Fix("under"), Fix("lid", "xy"), **more)
+    found = solid_dynamics(
+        model, 0.4, 0.02, densities=DENSITY, damping_time=2e-3, settings=DynamicsSettings(tolerance=1e-12)
+    )
+    wanted = solve(model, [1.0], settings=NewtonSettings(tolerance=1e-13)).last
+    assert np.abs(wanted.u).max() > 0.02
+    np.testing.assert_allclose(found.u[-1], wanted.u, atol=1e-8)
+    assert wanted.touch is not None
+    np.testing.assert_allclose(found.between[-1].traction, wanted.touch.traction, atol=1e-5)
+
+
+def test_sliding_goes_on_from_its_checkpoint() -> None:
+    """Two runs in a row repeat a run of the same two parts from a file, bit by bit.
+
+    Catches: the places that slip is measured from forgotten, tractions found anew.
+    """
+    first = on_slope(np.radians(30.0), 0.3, 5e-3)
+    second = on_slope(np.radians(30.0), 0.3, 5e-3, start=first.final)
+    again = on_slope(np.radians(30.0), 0.3, 5e-3, start=SolidCheckpoint.from_arrays(first.final.arrays()))
+    assert np.array_equal(again.u, second.u)
+    assert np.array_equal(again.book, second.book)
+    for one, other in zip(again.between, second.between, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+    whole = joined([first, second])
+    assert len(whole.between) == len(whole.times)
+    assert whole.state(-1).touch is second.between[-1]
+
+
+def test_starts_and_schemes_that_do_not_fit_are_refused() -> None:
+    """A scheme whose parts bounce, a checkpoint of bonded parts, a state of a contact with other points.
+
+    Catches: contact in a scheme that gives it energy, a state taken over point by point.
+    """
+    with pytest.raises(ModelError, match="scheme: found energy_momentum with parts that slide"):
+        on_slope(0.1, 0.3, 1e-3, settings=DynamicsSettings(Scheme.energy_momentum))
+    motion = on_slope(0.1, 0.3, 1e-3)
+    bonded = replace(motion.final, state=motion.final.state._replace(between=None))
+    with pytest.raises(ModelError, match="checkpoint of another body"):
+        on_slope(0.1, 0.3, 1e-3, start=bonded)
+    between = motion.between[-1]
+    fewer = replace(motion.state(-1), touch=between._replace(state=between.state[1:]))
+    with pytest.raises(ModelError, match="parts that slide otherwise"):
+        on_slope(0.1, 0.3, 1e-3, start=fewer)
+
+
+def test_a_step_that_parts_do_not_end_is_halved_and_told() -> None:
+    """One iteration is never enough: the failure says what was missed between the parts.
+
+    Catches: the last iterate taken for an answer.
+    """
+    with pytest.raises(SolveError, match="no convergence of parts that slide on each other"):
+        on_slope(0.5, 0.3, 1e-3, settings=DynamicsSettings(max_iterations=1, halvings=0))

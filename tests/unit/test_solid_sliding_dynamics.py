@@ -149,8 +149,7 @@ def test_a_damped_pair_settles_where_the_static_solver_has_it() -> None:
 
     Catches: contact forces that the scheme weighs, a gap at another instant than the force.
     """
-    more = {"loads": [Traction("lid", (0.0, 0.0, -3.0))]}
-    model = blocks(0.0, Fix("under"), Fix("lid", "xy"), **more)
+    model = blocks(0.0, Fix("under"), Fix("lid", "xy"), loads=[Traction("lid", (0.0, 0.0, -3.0))])
     found = solid_dynamics(
         model, 0.4, 0.02, densities=DENSITY, damping_time=2e-3, settings=DynamicsSettings(tolerance=1e-12)
     )

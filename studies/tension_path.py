@@ -147,7 +147,7 @@ def plain_newton() -> Iterator[None]:
 @contextmanager
 def from_last_state() -> Iterator[None]:
     """Steps that begin at the last state instead of the predictor's extrapolation."""
-    with replaced(path, "_predict", lambda system, history, goal: (history[-1].u, None)):
+    with replaced(path, "predict", lambda system, history, goal: (history[-1].u, None)):
         yield
 
 

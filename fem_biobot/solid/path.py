@@ -7,12 +7,13 @@ With equal steps the fourth state saves one Newton iteration in three; a fifth w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
+from fem_biobot.solid.linear import euclidean_norm
 from fem_biobot.solid.newton import (
     Counts,
     Equilibrium,
@@ -101,7 +102,7 @@ def equilibria(
         while goals:
             goal = goals[-1]
             try:
-                begin = trial or _predict(system, history, goal)
+                begin = trial or predict(system, history, goal)
                 if finder is not None:  # what follows hangs on every state met on the way
                     state, scale = finder.find(solver.counts, goal, begin, history[-1], scale, settings, observe)
                 else:
@@ -159,39 +160,52 @@ def _factors(step: Step, named: tuple[list[str], list[str]]) -> Array:
     return np.array([step.load, step.tension, *own, step.time])
 
 
-def _predict(system: System, history: list[Equilibrium], goal: Step) -> Trial:
-    """Trial displacement, pressure and carried stress at `goal` from up to four collinear states."""
-    last = history[-1]
-    named = _named([*(state.step for state in history), goal])
-    here = _factors(last.step, named)
+def weights(steps: Sequence[Step], goal: Step) -> list[tuple[int, float]]:
+    """Which of some states of a path, oldest first, serve a polynomial at `goal`, latest first, and their weights.
+
+    The latest alone, with weight 1, where no other lies on a line with it and the goal at a useful distance.
+    """
+    latest = len(steps) - 1
+    named = _named([*steps, goal])
+    here = _factors(steps[-1], named)
     way = _factors(goal, named) - here
     length = float(np.linalg.norm(way))
-    if length == 0.0 or len(history) < 2:
-        return Trial(last.u, None, last.p)
+    if length == 0.0 or latest == 0:
+        return [(latest, 1.0)]
     # parameter: 0 at the last state, 1 at the goal
     places = []
-    for state in history:
-        offset = _factors(state.step, named) - here
+    for number, step in enumerate(steps):
+        offset = _factors(step, named) - here
         along = float(offset @ way) / length**2
         if np.linalg.norm(offset - along * way) > 1e-9 * max(length, float(np.linalg.norm(offset))):
             places.clear()
             continue
-        places.append((along, state))
+        places.append((along, number))
     # each order needs an interval comparable with the step; a repeated or reversed parameter carries nothing
-    chosen = [(0.0, last)]
-    for along, state in reversed(places[:-1]):
+    chosen = [(0.0, latest)]
+    for along, number in reversed(places[:-1]):
         nearest = min(abs(along - other) for other, _ in chosen)
         if nearest * _REACH < 1.0 and len(chosen) > 1:
             break
         if nearest * 2.0 * _REACH < 1.0:
             break
-        chosen.append((along, state))
+        chosen.append((along, number))
+    if len(chosen) < 2:
+        return [(latest, 1.0)]
+    s = np.array([along for along, _ in chosen])
+    found = [float(np.prod([(1.0 - s[j]) / (s[i] - s[j]) for j in range(len(s)) if j != i])) for i in range(len(s))]
+    return [(number, w) for (_, number), w in zip(chosen, found, strict=True)]
+
+
+def predict(system: System, history: Sequence[Equilibrium], goal: Step) -> Trial:
+    """Trial displacement, pressure and carried stress at `goal` from up to four collinear states."""
+    last = history[-1]
+    chosen = weights([state.step for state in history], goal)
     if len(chosen) < 2:
         return Trial(last.u, None, last.p)
-    s = np.array([along for along, _ in chosen])
-    weights = [float(np.prod([(1.0 - s[j]) / (s[i] - s[j]) for j in range(len(s)) if j != i])) for i in range(len(s))]
     u, S, p = np.zeros_like(last.u), np.zeros_like(last.points.S), np.zeros_like(last.p)
-    for w, (_, state) in zip(weights, chosen, strict=True):
+    for number, w in chosen:
+        state = history[number]
         u += w * state.u
         S += w * state.points.S
         p += w * state.p
@@ -200,3 +214,13 @@ def _predict(system: System, history: list[Equilibrium], goal: Step) -> Trial:
     except InvertedError:
         return Trial(last.u, None, last.p)
     return Trial(u, S, p)
+
+
+def residual(system: System, trial: Trial, step: Step) -> float:
+    """Norm of the forces that a trial leaves unbalanced at a step [mN]; raises `InvertedError`, `OutsideLawError`."""
+    p = np.zeros(system.n_pressures) if trial.p is None else trial.p
+    points = system.points(system.deformation_gradient(trial.u), step, p, moduli=False)
+    force, _ = system.internal_force(points)
+    free = system.residual(points, force, system.external_force(trial.u, step))
+    free[system.held.dofs] = 0.0
+    return euclidean_norm(free)

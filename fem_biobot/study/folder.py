@@ -32,7 +32,7 @@ _JOB = "job.json"
 # what a result consists of; cleared before another one takes its place
 _OURS = (
     "solid_*.vtu", "solid*.pvd", "solid*/*.vtp", "rod*.pvd", "rod*/*.vtp", "design.toml", "report.html",
-    "tables/*.csv", "figures/*.png", "figures/*.gif", "fibres.vtu",
+    "tables/*.csv", "figures/*.png", "figures/*.gif", "fibres.vtu", "states.npz",
 )  # fmt: skip
 
 

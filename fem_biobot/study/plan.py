@@ -5,6 +5,7 @@ States are solved in order and handed on one by one, so that a job can save each
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -18,9 +19,10 @@ from fem_biobot.solid.from_design import newton_settings, remodelled, tension_st
 from fem_biobot.solid.interface.state import Touch
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidState, linear_solver, solve
-from fem_biobot.solid.newton import NewtonSettings
+from fem_biobot.solid.newton import Counts, NewtonSettings, Trial
 from fem_biobot.solid.records import Step
 from fem_biobot.solid.space import LockingWarning
+from fem_biobot.study.neighbour import Guide, Shared
 from fem_biobot.study.paper import SIMULATED_FORCE_TO_DEFLECTION
 from fem_biobot.study.reporter import Reporter
 
@@ -28,6 +30,8 @@ from fem_biobot.study.reporter import Reporter
 _FORCE_TOLERANCE = 1e-4
 # passive stress along the fibres that remodelled tissue may keep, as a share of its tension
 _STRESS_TOLERANCE = 2e-3
+# the same where results must not tell where the search began; the secant leaves far less than the last that is above
+_SHARP_STRESS_TOLERANCE = 1e-7
 # first and longest step of the logarithm of the natural stretch on the way to it
 _FIRST_LN_STRETCH, _LONGEST_LN_STRETCH = 0.08, 0.25
 # tissue that would have to shorten beyond this has no skeleton to stand against
@@ -118,6 +122,8 @@ class Solver:
         The latest states of the present reference, for the predictor.
     seen
         Tension and muscle force of all moulded states solved, for meeting a force.
+    shared
+        What is shared with other designs: a neighbour's states, beside which this one solves.
     """
 
     design: Design
@@ -126,6 +132,7 @@ class Solver:
     history: list[SolidState] = field(default_factory=list)
     seen: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)])
     natural_stretch: float = 1.0
+    shared: Shared | None = None
 
     def __post_init__(self) -> None:
         self.settings = newton_settings(self.design)
@@ -136,6 +143,8 @@ class Solver:
         self.moulded = self.model
         self.measurer = Measurer(self.design, self.model)
         self.solver = linear_solver(self.model, self.settings)
+        beside = None if self.shared is None else self.shared.states()
+        self.guide = None if beside is None else Guide(beside, self.design, self.moulded)
 
     def adopt(self, found: Found) -> None:
         """Take a state that was solved before (its model must be this solver's) as the latest."""
@@ -170,7 +179,7 @@ class Solver:
             state = self._meet_force(wanted.force)
         else:
             assert wanted.tension is not None
-            state = self._go(self._step(wanted.tension, wanted.load), self.history[-4:])
+            state = self._reach(self._step(wanted.tension, wanted.load))
         self._remember(state)
         return Found(wanted, state, self.natural_stretch)
 
@@ -182,7 +191,7 @@ class Solver:
         step: Step,
         start: Sequence[SolidState],
         settings: NewtonSettings | None = None,
-        trial: tuple[np.ndarray, np.ndarray, np.ndarray | None] | None = None,
+        trial: Trial | None = None,
     ) -> SolidState:
         settings = settings or self.settings
         try:
@@ -191,13 +200,29 @@ class Solver:
                 [step],
                 settings=settings,
                 start=start,
-                trial=trial,
+                trial=None if trial is None else (trial.u.T, trial.S, trial.p),
                 observe=self._observe,
                 solver=self.solver,
             )
             return found.last
         except SolveError as failure:
             raise self._in_kPa(failure) from None
+
+    def _reach(self, step: Step, settings: NewtonSettings | None = None) -> SolidState:
+        """The state at a step, from where the neighbour says or else along the own path."""
+        before, history = self.solver.counts.copy(), self.history[-4:]
+        trial = None if self.guide is None else self.guide.trial(self.model, history, step)
+        if trial is None:
+            return self._go(step, history, settings)
+        try:
+            return self._go(step, [], settings, trial)
+        except SolveError:
+            return self._worked(self._go(step, history, settings), before)
+
+    def _worked(self, state: SolidState, before: Counts) -> SolidState:
+        """A state with all the work done since some counts."""
+        work = self.solver.counts.since(before)
+        return replace(state, newton_iterations=work.newton, factorisations=work.factorisations, cg_iterations=work.cg)
 
     def _in_kPa(self, failure: SolveError) -> SolveError:
         """The same failure with its factors told as tensions, where tension is what was raised."""
@@ -227,20 +252,19 @@ class Solver:
         before = self.solver.counts.copy()
         trial = replace(self.settings, check_stability=False)
         for _ in range(8):
-            state = self._go(self._step(self._tension_guess(force)), self.history[-4:], trial)
+            state = self._reach(self._step(self._tension_guess(force)), trial)
             self._remember(state)
             if abs(self.seen[-1][1] - force) <= _FORCE_TOLERANCE * force:
                 self._go(state.step, [state])  # the state itself, with its stability checked
-                work = self.solver.counts.since(before)
-                return replace(
-                    state, newton_iterations=work.newton, factorisations=work.factorisations, cg_iterations=work.cg
-                )
+                return self._worked(state, before)
         raise SolveError(
             f"muscle force of {force:g} mN: not met in 8 tensions, the last gave {self.seen[-1][1]:.4g} mN"
         )
 
     def _tension_guess(self, force: float) -> float:
-        """Tension at which the force is expected: through the three states nearest in force."""
+        """Tension at which the force is expected: by the neighbour, or through the three states nearest in force."""
+        if self.guide is not None and (guess := self.guide.tension(force, self.seen)) is not None:
+            return guess
         points = sorted({(round(f, 12), t) for t, f in self.seen})
         if len(points) == 1:
             return force / self.design.junction_section * (1.0 + self._tissue_over_skeleton())
@@ -275,11 +299,13 @@ class Solver:
         state = self._go(step, self.history[-4:])  # the moulded state at this tension
         path = [(0.0, state, self.measurer.passive_fibre_stress(state))]
         longest = _FIRST_LN_STRETCH
-        rough = replace(self.settings, tolerance=max(self.settings.tolerance, _TRIAL_TOLERANCE), check_stability=False)
+        rough, enough = self._search()
         stress = path[-1][2]
+        if (begun := self._begun(step, rough)) is not None:
+            path.append(begun)
         for _ in range(40):
             ln_s, state, stress = path[-1]
-            if abs(stress) <= _STRESS_TOLERANCE * wanted.tension:
+            if abs(stress) <= enough * wanted.tension:
                 break
             if ln_s < np.log(_SHORTEST_NATURAL_STRETCH):
                 raise SolveError(
@@ -308,15 +334,31 @@ class Solver:
         ln_s, state, _ = path[-1]
         self.natural_stretch = float(np.exp(ln_s))
         self.model = state.model
-        state = self._go(step, [], trial=(state.u, state.points.S, state.pressure))
-        work = self.solver.counts.since(before)
+        state = self._go(step, [], trial=Trial(np.ascontiguousarray(state.u.T), state.points.S, state.pressure))
         self.history = []
-        return replace(state, newton_iterations=work.newton, factorisations=work.factorisations, cg_iterations=work.cg)
+        return self._worked(state, before)
+
+    def _search(self) -> tuple[NewtonSettings, float]:
+        """How a natural stretch is sought: settings of its trials, and what share of the tension may be left."""
+        tolerance, enough = max(self.settings.tolerance, _TRIAL_TOLERANCE), _STRESS_TOLERANCE
+        if self.shared is not None and self.shared.sharp and self.design.value("muscle.reference") == "remodelled":
+            tolerance, enough = self.settings.tolerance, _SHARP_STRESS_TOLERANCE
+        return replace(self.settings, tolerance=tolerance, check_stability=False), enough
+
+    def _begun(self, step: Step, rough: NewtonSettings) -> tuple[float, SolidState, float] | None:
+        """A state with the neighbour's natural stretch: ln of that, the state, the passive stress it leaves."""
+        found = None if self.guide is None else self.guide.natural(step)
+        if found is None:
+            return None
+        stretch, self.model, trial = found
+        try:
+            state = self._go(step, [], rough, trial)
+        except SolveError:
+            return None
+        return math.log(stretch), state, Measurer(self.design, self.model).passive_fibre_stress(state)
 
 
-def _extrapolated(
-    path: Sequence[tuple[float, SolidState, float]], target: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def _extrapolated(path: Sequence[tuple[float, SolidState, float]], target: float) -> Trial:
     """Displacement, point stress and pressure at a parameter, by the polynomial through the last states."""
     at = [entry[0] for entry in path]
     last = path[-1][1]
@@ -327,4 +369,4 @@ def _extrapolated(
         S += weight * state.points.S
         if state.pressure is not None:
             p = weight * state.pressure + (0.0 if p is None else p)
-    return u, S, p
+    return Trial(np.ascontiguousarray(u.T), S, p)

@@ -31,6 +31,7 @@ from fem_biobot.study.contact_outputs import contact_notes, contact_numbers, dra
 from fem_biobot.study.finding import Finding, write_series
 from fem_biobot.study.folder import SUMMARY, ResultFolder, mesh_identity, write_design
 from fem_biobot.study.muscle_findings import MuscleFindings, muscle_findings, oxygen_notes
+from fem_biobot.study.neighbour import Shared, keep_states
 from fem_biobot.study.paper import WALKED_FREQUENCIES
 from fem_biobot.study.plan import Found, Solver, Wanted, wanted_states
 from fem_biobot.study.reporter import Reporter, Silent
@@ -55,7 +56,7 @@ def run(
     resume: bool = False,
     complete: bool = True,
     walks: bool = True,
-    meshes: Path | None = None,
+    shared: Shared | None = None,
     reporter: Reporter | None = None,
 ) -> dict[str, Any]:
     """Do the main job and write its folder.
@@ -78,8 +79,8 @@ def run(
         True for `run`; False for `solve`: states, tables and VTK only.
     walks
         Whether a complete job of a bot includes walking, at the frequencies and with the forces of the paper.
-    meshes
-        A folder of generated meshes that results of equal geometry share, see `mesh.store`.
+    shared
+        What a case of a sweep shares with others; its states are kept for them.
     reporter
         Told of stages, states, iterations and notes.
 
@@ -94,7 +95,7 @@ def run(
         Wrong input before anything is written; a failed solve after everything reached is on disk.
     """
     refuse_without_solid(design, "solve")
-    job = _Job(design, out, mesh_file, names, size, complete, walks, meshes, reporter or Silent())
+    job = _Job(design, out, mesh_file, names, size, complete, walks, shared, reporter or Silent())
     done = job.folder.done(job.reporter, force=force, resume=resume)
     if done is not None:
         return done
@@ -113,12 +114,12 @@ class _Job:
         size: float | None,
         complete: bool,
         walks: bool,
-        meshes: Path | None,
+        shared: Shared | None,
         reporter: Reporter,
     ) -> None:
         self.design = design if size is None else design.with_values({"mesh.size": size})
         self.mesh_file, self.names, self.complete, self.reporter = mesh_file, names, complete, reporter
-        self.meshes = meshes
+        self.shared = shared
         identity = {
             "kind": "run" if complete else "solve",
             "design_digest": digest(self.design),
@@ -152,7 +153,7 @@ class _Job:
         if missing := pardiso_missing():
             self._note(f"SuperLU factors instead of PARDISO ({missing}); slower on large meshes")
         self._timed("compile", lambda: compile_kernels(self.reporter, self.design.mesh.element, sliding=self.sliding))
-        solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter))
+        solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter, shared=self.shared))
         for note in [*solver.model.system.notes, *oxygen_notes(self.design, mesh)]:
             self._note(note)
         self.folder.open()
@@ -190,13 +191,15 @@ class _Job:
             shown = self._timed("views", self._views)
             outputs.write_run_report(self.folder.path, summary, self.figures, self.design, more, shown)
             self.reporter.advance("report")
+        if self.shared is not None:
+            keep_states(self.folder.path, self.found, self.design)
         self.folder.close(summary)
         return summary
 
     def _mesh(self) -> BodyMesh:
         if self.mesh_file is not None:
             return read_mesh(self.mesh_file, self.names, design=self.design)
-        mesh, notes = mesh_for(self.design) if self.meshes is None else stored_mesh(self.design, self.meshes)
+        mesh, notes = mesh_for(self.design) if self.shared is None else stored_mesh(self.design, self.shared.meshes)
         for note in notes:
             self._note(note)
         return mesh
@@ -208,8 +211,7 @@ class _Job:
             if each.force is not None and not self._within_reach(each):
                 self.reporter.advance(f"{each.label}: left out")
                 continue
-            saved = self.folder.saved(each.key)
-            if saved is not None:
+            if (saved := self.folder.saved(each.key)) is not None:
                 found = solver.restore(
                     each, saved.u, saved.step, saved.natural_stretch, saved.work, saved.pressure, saved.touch
                 )
@@ -353,9 +355,8 @@ class _Job:
 
     def _show(self, summary: dict[str, Any]) -> None:
         self.reporter.stage("pictures", 4 if self.walks else 3)
-        prefix = (
-            "remodelled_" if self.design.value("muscle.reference") == "remodelled" and self.design.kind == "bot" else ""
-        )
+        own = self.design.value("muscle.reference") if self.design.kind == "bot" else ""
+        prefix = "remodelled_" if own == "remodelled" else ""
         pictured = ("load_4", f"{prefix}passive", f"{prefix}peak")
         shown = [f for f in self.found if f.wanted.key in pictured]
         files, note = outputs.draw(self.folder.path, self.design, shown)

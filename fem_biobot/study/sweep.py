@@ -3,28 +3,33 @@
 A case is finished when its row lies in the folder ``cases``. Finished cases are never done again, however the sweep
 ended, and also where its file has grown since; the table is made anew from the rows, so none is lost.
 
-Cases share meshes and nothing else. To begin a solve at the states of a finished neighbour was tried on the junction
-bot at 16 000 unknowns: 15 to 33 iterations for its five states under a tension, 11 to 20 with the neighbour's
-increments, where the path's own predictor takes 15 or 16; and rows would depend on who ended first.
+Cases share meshes, and solves begin at the states of a case near by. Which one that is follows from the sweep's file
+alone (`sweep_forest`), and a case waits for it: rows do not tell who did them or in which order they ended. What its
+neighbour failed in a case tries from the undeformed body. In a folder that holds finished cases already, new ones begin
+at those that the present file says; rows then agree with those of the whole file done at once within the tolerance of
+the states.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from bisect import insort
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from fem_biobot.design import Design
-from fem_biobot.errors import DiskError, SolveError
+from fem_biobot.errors import DiskError, FileError, SolveError
 from fem_biobot.files import file_error, write_text
 from fem_biobot.study.finding import Finding, examine
+from fem_biobot.study.neighbour import kept_states
 from fem_biobot.study.outputs import tables_folder, write_table
 from fem_biobot.study.reporter import Reporter, Silent
 from fem_biobot.study.sweep_case import CaseOrder, MeshOrder, failed_row, kept_row, needs_mesh
-from fem_biobot.study.sweep_file import Case, SweepPlan, Task
+from fem_biobot.study.sweep_file import Case, Start, SweepPlan, Task
 from fem_biobot.study.sweep_findings import sweep_finding, sweep_rows
+from fem_biobot.study.sweep_forest import Forest, forest
 from fem_biobot.study.sweep_runner import LocalRunner, Runner
 
 Rows = dict[str, dict[str, Any]]
@@ -101,16 +106,22 @@ def _carry_out(plan: SweepPlan, cases: Path, meshes: Path, make: MakeRunner, rep
     """Rows of all cases by key: those kept from before, and those that the runner brings."""
     rows: Rows = {}
     numbers: dict[str, int] = {}
-    waiting: deque[CaseOrder] = deque()
     for case in plan.cases:
         if case.key in numbers:  # the same design once more
             continue
         numbers[case.key] = case.number
-        row = _known(case, cases)
-        if row is not None:
+        if (row := _known(case, cases)) is not None:
             rows[case.key] = row
-        elif case.design is not None:
-            waiting.append(CaseOrder(case.key, plan.task, case.design, cases, meshes))
+    trees = forest(plan.cases) if plan.start is Start.neighbour else Forest()
+    again = _without_states(trees, rows, cases)
+    for key in again:
+        reporter.note(f"case {numbers[key]}: the states at which others begin are gone: they are made again")
+    waiting = [
+        CaseOrder(case.key, plan.task, case.design, cases, meshes, plan.start, trees.parent.get(case.key))
+        for case in plan.cases
+        if case.design is not None and case.number == numbers[case.key]
+        if case.key not in rows or case.key in again
+    ]
     before = sum(row["status"] == "done" for row in rows.values())
     if before:
         reporter.note(f"{before} of {len(numbers)} cases were finished before; they are not done again")
@@ -122,11 +133,11 @@ def _carry_out(plan: SweepPlan, cases: Path, meshes: Path, make: MakeRunner, rep
     runner = make(cases.parent)
     try:
         reporter.stage(f"cases to {plan.task.value}", len(waiting))
-        for ended in _answers(runner, waiting):
+        for ended in _answers(runner, waiting, trees, rows):
             for key, row in ended.items():
                 if row["status"] == "disk":
                     raise DiskError(row["reason"])
-                rows[key] = row
+                rows.setdefault(key, row)
                 if row["status"] == "failed":
                     reporter.note(f"case {numbers[key]}: {row['reason']}")
                 reporter.advance(f"case {numbers[key]}")
@@ -137,8 +148,45 @@ def _carry_out(plan: SweepPlan, cases: Path, meshes: Path, make: MakeRunner, rep
     return rows
 
 
-def _answers(runner: Runner, waiting: deque[CaseOrder]) -> Iterator[Rows]:
-    """Rows by key as cases end, some at a time. A mesh is asked for before the first case that needs it."""
+def _without_states(trees: Forest, rows: Rows, cases: Path) -> set[str]:
+    """Finished cases at whose states a case begins that is still to be done, and whose states cannot be read."""
+    again: set[str] = set()
+    for key in sorted(trees.rank, key=trees.rank.__getitem__, reverse=True):
+        parent = trees.parent.get(key)
+        if parent is None or (key in rows and key not in again) or parent in again:
+            continue
+        if rows.get(parent, {}).get("status") == "done":
+            try:
+                kept_states(cases / parent)
+            except FileError:
+                again.add(parent)
+    return again
+
+
+def _begun(order: CaseOrder, parent: Mapping[str, Any]) -> CaseOrder:
+    """The order once its parent has ended: from the undeformed body where that came to nothing."""
+    return order if parent["status"] == "done" else replace(order, parent=None)
+
+
+def _answers(runner: Runner, orders: Sequence[CaseOrder], trees: Forest, known: Rows) -> Iterator[Rows]:
+    """Rows by key as cases end, some at a time.
+
+    A mesh is asked for before the first case that needs it, and a case given out once its parent has ended.
+    """
+
+    def place(order: CaseOrder) -> int:
+        return trees.rank.get(order.key, len(trees.rank))
+
+    to_end = {order.key for order in orders}
+    after: dict[str, list[CaseOrder]] = {}
+    waiting: list[CaseOrder] = []
+    for order in sorted(orders, key=place):
+        if order.parent is None:
+            waiting.append(order)
+        elif order.parent in to_end:
+            after.setdefault(order.parent, []).append(order)
+        else:
+            waiting.append(_begun(order, known[order.parent]))
     tried: set[Path] = set()
     asked: dict[str, Path] = {}
     under_way = 0
@@ -168,6 +216,8 @@ def _answers(runner: Runner, waiting: deque[CaseOrder]) -> Iterator[Rows]:
             under_way -= 1
             if name not in asked:
                 ended[name] = failed_row(name, answer) if isinstance(answer, str) else answer
+                for order in after.pop(name, ()):
+                    insort(waiting, _begun(order, ended[name]), key=place)
                 continue
             tried.add(asked[name])
             if isinstance(answer, Mapping) and answer["status"] == "disk":

@@ -19,7 +19,7 @@ from fem_biobot.errors import BiobotError, DiskError, FileError
 from fem_biobot.files import file_error, write_json
 from fem_biobot.mesh.store import stored_file, stored_mesh
 from fem_biobot.study.design_check import as_numbers, design_check
-from fem_biobot.study.sweep_file import Task
+from fem_biobot.study.sweep_file import Start, Task
 
 # one case at a time in a process, also where a cluster gives a worker several threads
 _ALONE = threading.Lock()
@@ -49,6 +49,10 @@ class CaseOrder:
         Of the case.
     cases, meshes
         Folders of the sweep, absolute: they must be the same for all workers.
+    start
+        Where solves of the sweep begin.
+    parent
+        Key of the finished case at whose states this solve begins; None where it begins from the undeformed body.
     """
 
     key: str
@@ -56,6 +60,8 @@ class CaseOrder:
     design: Design
     cases: Path
     meshes: Path
+    start: Start = Start.cold
+    parent: str | None = None
 
     def perform(self) -> dict[str, Any]:
         """Do the case, keep its row and hand it back."""
@@ -115,6 +121,7 @@ def failed_row(key: str, reason: str) -> dict[str, Any]:
     """Row of a case that ended without a result."""
     return {
         "key": key, "status": "failed", "reason": reason, "outputs": {}, "check": [], "notes": [], "seconds_s": None,
+        "newton_iterations_1": None, "parent": None,
     }  # fmt: skip
 
 
@@ -133,6 +140,8 @@ def _performed(order: CaseOrder) -> dict[str, Any]:
     except Exception as error:  # one case must not end the others
         row, keep = failed_row(order.key, f"internal error: {type(error).__name__}: {error}"), False
     row["seconds_s"] = round(time.perf_counter() - began, 3)
+    if row["status"] == "done" and (before := kept_row(order.cases, order.key)) is not None:
+        return before  # done again for the states that it had lost: what was said of it stays
     if keep:
         try:
             write_json(row_file(order.cases, order.key), row)
@@ -142,9 +151,13 @@ def _performed(order: CaseOrder) -> dict[str, Any]:
 
 
 def _solve(order: CaseOrder) -> dict[str, Any]:
+    from fem_biobot.study.neighbour import Shared
     from fem_biobot.study.run import run
 
-    summary = run(order.design, order.cases / order.key, complete=False, meshes=order.meshes)
+    beside = order.start is Start.neighbour
+    shared = Shared(order.meshes, None if order.parent is None else order.cases / order.parent, sharp=beside)
+    # a case that was interrupted begins anew: half of one and half of another would show in the last digits
+    summary = run(order.design, order.cases / order.key, complete=False, shared=shared, force=beside)
     states, own = summary["solid"]["states"], order.design.value("muscle.reference")
     stroke = (summary["solid"].get("stroke") or {}).get(own, {})
     prefix = "remodelled_" if own == "remodelled" else ""
@@ -154,7 +167,11 @@ def _solve(order: CaseOrder) -> dict[str, Any]:
     if order.design.kind == "bot":
         found["touching"] = last["touching"]
     found["unknowns_1"] = summary["mesh"]["unknowns_1"]
-    return {"outputs": found, "check": summary["design_check"], "notes": summary["notes"]}
+    iterations = sum(state["newton_iterations_1"] for state in states)
+    return {
+        "outputs": found, "check": summary["design_check"], "notes": summary["notes"],
+        "newton_iterations_1": iterations, "parent": order.parent,
+    }  # fmt: skip
 
 
 def _walk(order: CaseOrder) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from fem_biobot.units import format_quantity, parse_quantity, shown
 
 MOST_CASES = 100_000
 _SECTIONS = ("grid", "list", "sample")
-_FILE = ("base", "name", "task", "set", *_SECTIONS)
+_FILE = ("base", "name", "task", "start", "set", *_SECTIONS)
 _RANGE = ("from", "to", "count")
 _NAMES = ("name", "description")
 
@@ -37,6 +37,19 @@ class Task(StrEnum):
     solve = "solve"
     walk = "walk"
     crosscheck = "crosscheck"
+
+
+class Start(StrEnum):
+    """Where solves begin.
+
+    neighbour
+        At the states of a case near by on the same mesh, where there is one; see `sweep_forest`.
+    cold
+        Each from the undeformed body.
+    """
+
+    neighbour = "neighbour"
+    cold = "cold"
 
 
 class Sampling(StrEnum):
@@ -95,6 +108,8 @@ class SweepPlan:
         All of them, in order.
     text
         Of the file.
+    start
+        Where solves begin.
     """
 
     name: str
@@ -103,6 +118,7 @@ class SweepPlan:
     varied: tuple[str, ...]
     cases: tuple[Case, ...]
     text: str
+    start: Start = Start.cold
 
     @property
     def digest(self) -> str:
@@ -128,6 +144,7 @@ def read_sweep(path: Path) -> SweepPlan:
     base = _text(table, "base")
     where: str | Path = base if base in presets() else path.parent / base
     task = _choice(table, "task", Task)
+    start = _start(table, task)
     fixed = [f"{key}={_one(value, keys()[key], 'set', path.parent)}" for key, value in _by_key(table, "set")]
     grid = {key: _several(value, keys()[key], "grid", path.parent) for key, value in _by_key(table, "grid")}
     rows = {key: _several(value, keys()[key], "list", path.parent) for key, value in _by_key(table, "list")}
@@ -149,7 +166,7 @@ def read_sweep(path: Path) -> SweepPlan:
         _case(number, where, fixed, task, dict(zip(varied, (*a, *b, *c), strict=True)))
         for number, (a, b, c) in enumerate(combined, start=1)
     )
-    return SweepPlan(name, design, task, varied, cases, path.read_text(encoding="utf-8-sig"))
+    return SweepPlan(name, design, task, varied, cases, path.read_text(encoding="utf-8-sig"), start)
 
 
 def _case(number: int, base: str | Path, fixed: Sequence[str], task: Task, texts: Mapping[str, str]) -> Case:
@@ -187,6 +204,16 @@ def _choice(table: Mapping[str, Any], name: str, choices: type[StrEnum], where: 
         found = "missing" if value is None else f"found {shown(value)}"
         raise DesignError(f"{where}{name}: {found}, expected one of: {', '.join(choices)}")
     return choices(value)
+
+
+def _start(table: Mapping[str, Any], task: Task) -> Start:
+    """Where solves begin: at neighbours unless the file says otherwise; other tasks always begin by themselves."""
+    if "start" not in table:
+        return Start.neighbour if task is Task.solve else Start.cold
+    start = _choice(table, "start", Start)
+    if task is not Task.solve:
+        raise DesignError(f'start: found "{start}" with task {task}, expected it with task solve alone')
+    return start
 
 
 def _by_key(table: Mapping[str, Any], section: str) -> Iterator[tuple[str, Any]]:

@@ -67,6 +67,9 @@ def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figur
         tables.append(_ranks(ranks, names, outputs))
     failed = len(rows) - len(done)
     remarks = [f"{len(done)} of {len(rows)} cases done" + (f", {failed} failed: see the reasons" if failed else "")]
+    beside = sum(row.get("parent") is not None for row in found.values())
+    if beside:
+        remarks.append(f"{beside} of {len(done)} solves began at the states of a case near by")
     notes = dict.fromkeys(note for case in plan.cases for note in found[case.key]["notes"])
     if len(notes) > 8:
         remarks.append(f"{len(notes)} different notes of cases: see cases/*.json")
@@ -80,6 +83,8 @@ def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figur
             "done_1": len(done),
             "failed_1": failed,
             "busy_s": round(sum(row["seconds_s"] or 0.0 for row in found.values()), 3),
+            "begun_beside_1": beside,
+            "newton_iterations_1": sum(row.get("newton_iterations_1") or 0 for row in found.values()),
             "rows": rows,
             "rank_correlations_1": ranks,
         },

@@ -25,10 +25,13 @@ def test_two_workers_give_the_rows_of_one(tmp_path: Path) -> None:
     module.write(found, tmp_path / "below")
     assert (tmp_path / "below" / "sweep_speed.png").stat().st_size > 10_000
     assert all(table.rows for table in module.tables(found))
+    assert {(row["neighbours"], row["start"]) for row in found.starts} == {("near", "cold"), ("near", "neighbour")}
 
 
 def test_the_study_refuses_lost_cases_other_rows_and_slow_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """A case that is not done, rows that differ, and on an idle machine a ratio below 1.6; on a busy one it only tells.
+
+    And neighbours that spare less than a quarter of the iterations, or lead elsewhere.
 
     Catches: an expectation that nothing breaks, a ratio upside down.
     """
@@ -43,6 +46,22 @@ def test_the_study_refuses_lost_cases_other_rows_and_slow_workers(monkeypatch: p
     module.expect(good, "full")
     assert good.ratio("walks") == pytest.approx(10.0 / 5.5)
     assert good.busier("walks") == pytest.approx(1.1)
+    good.starts = [
+        {"neighbours": "near", "start": start, "cases_1": 4, "done_1": 4, "newton_iterations_1": n, "processor_s": 9.0}
+        for start, n in (("cold", 200), ("neighbour", 120))
+    ]
+    good.apart = {"near": 3e-9}
+    module.expect(good, "full")
+    assert good.spared("near") == pytest.approx(0.4)
+    assert "spare 40% of the iterations" in module.verdict(good)[-1]
+    away, dear, gone = (copy.deepcopy(good) for _ in range(3))
+    away.apart["near"] = 2e-6
+    dear.starts[1]["newton_iterations_1"] = 160
+    gone.starts[1]["done_1"] = 3
+    refuses(lambda: module.expect(away, "smoke"), "rows beside neighbours differ by 2.0e-06")
+    refuses(lambda: module.expect(dear, "full"), "spare 20% of the iterations")
+    module.expect(dear, "smoke")
+    refuses(lambda: module.expect(gone, "smoke"), "neighbour: 3 of 4 cases done")
     lost, other, slow = (copy.deepcopy(good) for _ in range(3))
     lost.rows[1]["done_1"] = 3
     other.same["walks"] = False

@@ -15,7 +15,7 @@ from fem_biobot.solid import linear
 from fem_biobot.solid.linear import Pardiso, SuperLU, minimal_residuals, pardiso_missing
 from fem_biobot.solid.model import SolidModel, SolidState, solve
 from fem_biobot.solid.newton import Equilibrium, NewtonSettings
-from fem_biobot.solid.path import _predict
+from fem_biobot.solid.path import predict
 from fem_biobot.solid.records import Fix, Step, Symmetry, Traction
 from fem_biobot.solid.space import LockingWarning
 from fem_biobot.solid.stress import cauchy_stress, node_probe, probe
@@ -202,7 +202,7 @@ def test_the_predictor_extrapolates_the_pressures() -> None:
         Equilibrium(s.step, np.ascontiguousarray(s.u.T), np.asarray(s.pressure), s.points, s.internal_force.T, 0.0, 0)
         for s in states[:3]
     ]
-    trial = _predict(model.system, history, states[3].step)
+    trial = predict(model.system, history, states[3].step)
     assert trial.p is not None
     assert np.linalg.norm(trial.p - states[3].pressure) < 0.1 * np.linalg.norm(states[2].pressure - states[3].pressure)
 

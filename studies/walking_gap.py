@@ -330,10 +330,10 @@ def causes(study: Study) -> list[Row]:
 #   of 0.2 uJ a stroke (`solid_walk.py`).
 # * Left: where friction jumps, strokes and steps depend on when a foot sticks again. A fifth of the stroke's difference
 #   is not told apart from that, and the solid's own step is one of several: 0.057 mm on 12 156 unknowns, over more
-#   strokes. 2.3 % of the closing afloat are left with constants of parts about one tension; the cross-check, which
-#   takes others at every tension, leaves 1 % on its mesh.
+#   strokes; 0.034 mm on the mean of six nudged starts (`solid_gaits.py`). 2.3 % of the closing afloat are left with
+#   constants of parts about one tension; the cross-check, which takes others at every tension, leaves 1 % on its mesh.
 #
-# Not looked at: ensembles of the solid, finer meshes with jumps, drives between the two paces.
+# Ensembles of the solid are in `solid_gaits.py`. Not looked at: finer meshes with jumps, drives between the two paces.
 
 # --- expect -----------------------------------------------------------------------------------------------------------
 

@@ -102,19 +102,20 @@ class SlidingStepper(Stepper):
         found[self.joint.nodes] = 1.0
         return found
 
+    def _guesses(self, state: State, interval: Interval) -> tuple[Array, ...]:
+        """Where it is: what sticks goes on sticking, which a guessed motion has to find anew."""
+        return (state.u,)
+
     def _iterate(self, state: State, u: Array, interval: Interval) -> Made:
         footing = _Footing(self.contact, state, interval.h)
         now = self._first(state, u, interval, footing)
         sizes: list[float] = []
-        allowed = _MISSED * self.joint.size
         last, whole, pairings = None, False, 1
         for iteration in range(self.settings.max_iterations + 1):
             at = now.at
             if not np.isfinite(now.off):
                 raise StepFailedError("the residual is not a number", Why.no_number, iteration=iteration)
-            enough = max(self.settings.tolerance * at.forces.scale, self._rounding(at.u))
-            met = footing.solved and max(footing.missed, now.missed) <= allowed
-            if whole and met and at.norm <= enough:
+            if whole and footing.solved and footing.missed <= self._allowed and self._holds(now):
                 pairing = self._paired(state, at.u, now.pairing)
                 if _same(pairing, now.pairing):
                     made = self._made(state, interval, at, footing.met, iteration, iteration)
@@ -135,23 +136,30 @@ class SlidingStepper(Stepper):
             footing.force, whole = change.before + share * (change.after - change.before), share == 1.0
         raise self._failed(now, footing)
 
+    @property
+    def _allowed(self) -> float:
+        """How far gaps, slips and places may be missed [mm]."""
+        return _MISSED * self.joint.size
+
+    def _holds(self, now: _Trial) -> bool:
+        """Whether momentum balances and Coulomb's law between the parts holds in a trial, up to the tolerances."""
+        at = now.at
+        enough = max(self.settings.tolerance * at.forces.scale, self._rounding(at.u))
+        return at.norm <= enough and now.missed <= self._allowed
+
     def _paired(self, state: State, u: Array, now: Pairing | None = None) -> Pairing:
         assert state.between is not None
         return self.joint.contact.paired(u, state.between, now)
 
     def _first(self, state: State, u: Array, interval: Interval, footing: _Footing) -> _Trial:
-        """Where the iteration begins: as guessed, or where that leads points off their facets, at rest."""
+        """Where the iteration begins."""
         assert state.between is not None
         traction, pushed = state.between.traction, self._pushed(footing.force)
         if self._length != interval.h:
             forces = self.forces(state, u, interval)
             data = self._tangent(forces, forces.points.S, u, interval)
             self._stiffness, self._length, self._learnt = self.joint.stiffness(data), interval.h, False
-        try:
-            now = self._trial(state, u, interval, traction, self._paired(state, u), pushed)
-        except StepFailedError:
-            u = self._held(state.u, interval.end)
-            now = self._trial(state, u, interval, traction, self._paired(state, u), pushed)
+        now = self._trial(state, u, interval, traction, self._paired(state, u), pushed)
         if not np.any(now.traction):
             self.joint.guess_stick(now.slope, now.states)
         return now
@@ -194,7 +202,7 @@ class SlidingStepper(Stepper):
         u, traction = u + more[0], traction + more[1]
         off = ground.positions(now.at.u + u) - free - ground.moved_by(met.force - force)
         missed, footing.missed = footing.missed, float(np.abs(off).max(initial=0.0))
-        self._learnt = footing.missed <= max(_MISSED * self.joint.size, _SLOW * missed)
+        self._learnt = footing.missed <= max(self._allowed, _SLOW * missed)
         return _Change(u, traction, force, met.force)
 
     def _factored(self, now: _Trial, S: Array, interval: Interval) -> Saddle:
@@ -222,7 +230,7 @@ class SlidingStepper(Stepper):
                 continue
             if best is None or there.off < best[0].off:
                 best = there, float(share)
-            if there.off < worst:
+            if there.off < worst or self._holds(there):
                 break
         if best is None:
             assert failure is not None

@@ -280,8 +280,7 @@ class Stepper:
     def make(self, state: State, interval: Interval) -> Made:
         """Make one step; raises `StepFailedError`."""
         try:
-            share = self.settings.theta(interval.h)
-            for guess in (state.u + interval.h * (state.v + share * interval.h * state.change), state.u):
+            for guess in self._guesses(state, interval):
                 try:
                     return self._iterate(state, self._held(guess, interval.end), interval)
                 except InvertedError:
@@ -295,6 +294,11 @@ class Stepper:
             raise StepFailedError(str(error), Why.outside_law, element=error.element) from None
         except NotPositiveDefiniteError:
             raise StepFailedError("the step's tangent is not positive definite", Why.indefinite) from None
+
+    def _guesses(self, state: State, interval: Interval) -> tuple[Array, ...]:
+        """Displacements to begin from, the last where the step begins; the next is tried where one is inverted."""
+        h, share = interval.h, self.settings.theta(interval.h)
+        return state.u + h * (state.v + share * h * state.change), state.u
 
     def _held(self, u: Array, drive: Step) -> Array:
         """The displacement with what supports prescribe."""

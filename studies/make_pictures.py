@@ -1,8 +1,8 @@
 """Renew the pictures of README.md: python studies/make_pictures.py [--size MM] [--out FOLDER]
 
-The stressed machine as `fem-biobot run junction_bot` draws it at full drive, and the walk of README's script at 2 Hz,
-animated. Into ``studies/pictures`` by default; about a minute. All other pictures there are those of the studies of
-their names, which write them with ``--out``.
+The stressed machine as `fem-biobot run junction_bot` draws it at full drive, and the walk of README's script at 2 Hz
+by steps of 1 ms, animated. Into ``studies/pictures`` by default; about a minute. All other pictures there are those of
+the studies of their names, which write them with ``--out``.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -71,6 +72,63 @@ def test_the_study_refuses_steps_out_of_nothing() -> None:
     del found.mechanisms[0]["step_mm"]
     found.mechanisms[0]["remark"] = "it fell"
     refuses(lambda: module.expect(found), "it fell")
+
+
+def test_rows_that_are_there_are_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that stops leaves its rows; the next one takes them, makes the others, and does over one cut off half-way.
+
+    Catches: rows that wait for the end, rows of another machine, step or code taken for these.
+    """
+    module, file, made = study(), tmp_path / "rows.jsonl", list[str]()
+
+    def numbers(case: Any) -> dict[str, Any]:
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        made.append(case.names["mechanisms"])
+        return dict(case.names) | {"step_mm": 0.1 * len(made)}
+
+    monkeypatch.setattr(module, "numbers", numbers)
+    cases = module.mechanism_cases("smoke")[:5]
+    with pytest.raises(KeyboardInterrupt):
+        module.Rows(file).of(cases)
+    lines = file.read_text().splitlines(keepends=True)
+    assert len(lines) == 3
+    file.write_text("".join(lines[:2]) + lines[2][:-9])
+    made.clear()
+    found = module.Rows(file).of([*cases[:2], cases[4], cases[3]])
+    assert made == [cases[4].names["mechanisms"], cases[3].names["mechanisms"]]
+    assert [row["step_mm"] for row in found] == [0.1, 0.2, 0.1, 0.2]
+    keys = {replace(cases[0], **change).key() for change in ({}, {"step": 1e-4}, {"error": 1e-6}, {"amplitude": 0.5})}
+    monkeypatch.setattr(module, "code_digest", lambda: "another")
+    assert len(keys | {cases[0].key()}) == 5
+
+
+def test_kinds_of_strokes_are_told_where_they_differ() -> None:
+    """Three strokes that come again and again are three kinds; strokes that differ by little are one, and not told.
+
+    Catches: a mean over strokes of which none is like it.
+    """
+    module = study()
+    strokes = np.tile([0.122, 0.097, -0.035], 4)
+    found = module.kinds(strokes, 0.4)
+    assert sorted(mean for mean, _, _ in found) == pytest.approx([-0.035, 0.097, 0.122])
+    assert [share for _, _, share in found] == pytest.approx([1 / 3] * 3)
+    assert "-0.035 +- 0.000 (33%)" in module.shown_kinds(found)
+    alike = module.kinds(0.1 + np.linspace(0.0, 1e-4, 6), 0.4)
+    assert alike[0][::2] == pytest.approx((0.10005, 1.0))
+    assert module.shown_kinds(alike) is None
+
+
+def test_lighter_machines_are_driven_in_shorter_steps() -> None:
+    """A tenth of the mass takes a quarter of the step, since time goes with its root; all are held to one error.
+
+    Catches: a step that rings too fast for its parts, an error that is let grow where it is hard to hold.
+    """
+    module = study()
+    cases = module.mechanism_cases("full")
+    steps = {case.names["inertia_1"]: case.step for case in cases}
+    assert steps == pytest.approx({1.0: 5e-4, 0.3: 2.5e-4, 0.1: 1.25e-4, 0.03: 5e-4 / 6, 0.01: 5e-5})
+    assert {case.error for case in [*cases, *module.unequal_cases("full")]} == {2e-7}
 
 
 def test_mechanisms_are_switched_off_one_at_a_time() -> None:

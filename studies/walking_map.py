@@ -483,7 +483,8 @@ toward the long pillar. Weight on the feet 2.54 mN in air, 0.26 mN submerged.
 # --- what was not looked at -------------------------------------------------------------------------------------------
 
 NOT_LOOKED_AT = """
-More than two starts a case, hence shares of gaits; drag of the medium, which the submerged bot lacks; stimulation that
+More than two starts and three strokes a case but for the published tissue in air at full drive, hence shares of gaits;
+machines of less than a hundredth of the mass; drag of the medium, which the submerged bot lacks; stimulation that
 changes with frequency otherwise than in its amplitude; flexible pillars; a ring that touches the ground (with
 the preset's standing tension that of the short pillar reaches 0.14 mm below it, which no contact resists; remarked as
 buried, as are the soles' edges beside feet of a line).

@@ -278,6 +278,9 @@ after). Four of each 16 begin from the undeformed body in either way.
   remodelled tissue, whose natural stretch the neighbour knows, 5 to 8 in place of 12 to 18.
 * Processor seconds hold files, pictures and the start of interpreters too, which neighbours do not spare.
 * Rows differ by 6e-9 at most. So neighbours are the default.
+* Near their limits bots beside neighbours come to the states of the path alone too (ring bot at 34 to 40 kPa, junction
+  bot at 110 and 116 kPa, tried apart). Tensions that the path refuses (above 40 and above 117 kPa there: they buckle)
+  are refused beside the nearest that succeeded as well: nothing was found that only a neighbour leads to.
 * What was tried and gains less: the neighbour's state of the same name, or its change since the last one, in place of
   its state at the same tension (44 iterations in place of 27 from 6 to 7 kPa); of two trials that with the smaller
   residual (39 in place of 32 from 9 to 9.7 kPa of tissue): residuals of thin parts are membrane stress, which the first

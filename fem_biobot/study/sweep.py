@@ -4,10 +4,10 @@ A case is finished when its row lies in the folder ``cases``. Finished cases are
 ended, and also where its file has grown since; the table is made anew from the rows, so none is lost.
 
 Cases share meshes, and solves begin at the states of a case near by. Which one that is follows from the sweep's file
-alone (`sweep_forest`), and a case waits for it: rows do not tell who did them or in which order they ended. What its
-neighbour failed in a case tries from the undeformed body. In a folder that holds finished cases already, new ones begin
-at those that the present file says; rows then agree with those of the whole file done at once within the tolerance of
-the states.
+alone (`sweep_forest`), and a case waits for it: rows do not tell who did them or in which order they ended. A case
+whose neighbour failed begins from the undeformed body. In a folder that holds finished cases already, new ones begin at
+those that the present file says; their rows agree with those of the whole file done at once within the tolerance of
+states.
 """
 
 from __future__ import annotations

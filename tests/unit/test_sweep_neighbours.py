@@ -226,9 +226,7 @@ def test_a_cluster_gives_the_same_bytes(tmp_path: Path, whole: Path) -> None:
 def test_a_killed_sweep_goes_on_to_the_same_bytes(tmp_path: Path, whole: Path) -> None:
     """SIGKILL with two workers once two rows are there; these stay, and the table is that of one go by one worker.
 
-    A case that was begun is begun anew.
-
-    Catches: half a case's states mixed with others, children that begin elsewhere after a resume.
+    Catches: children that begin elsewhere after a resume, finished cases done again.
     """
     plan, out = strips(tmp_path), tmp_path / "out"
     file = tmp_path / "strips.toml"
@@ -245,15 +243,32 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(tmp_path: Path, whole: Path) -
         process.wait()
     before = {row.name: row.stat().st_mtime_ns for row in (out / "cases").glob("[0-9a-f]*.json")}
     assert 2 <= len(before) < 5
-    # what is left of a case that was begun: states that are none
-    begun = next(case.key for case in plan.cases if f"{case.key}.json" not in before)
-    half = out / "cases" / begun / ".unfinished"
-    if (half / "job.json").exists():
-        (half / "path_1.npz").write_bytes(b"half")
     sweep(plan, out, runner=lambda folder: Inline(3))
     assert table(out) == table(whole)
     for name, when in before.items():
         assert (out / "cases" / name).stat().st_mtime_ns == when
+
+
+def test_a_case_that_was_begun_begins_anew(tmp_path: Path, whole: Path) -> None:
+    """Of its first state another one was kept when it was cut short; its row is that of one go all the same.
+
+    Catches: states of before and of after put together, which rows would tell in their digits.
+    """
+    plan, out = strips(tmp_path), tmp_path / "out"
+    child, parent = next(iter(forest(plan.cases).parent.items()))
+    unfinished(whole, out, child)
+    folder = out / "cases" / child
+    left = folder / ".unfinished"
+    left.mkdir()
+    (left / "job.json").write_text(json.dumps(json.loads((folder / "summary.json").read_text())["job"]))
+    (folder / "summary.json").unlink()
+    with np.load(out / "cases" / parent / STATES) as states:
+        u = states["peak.u"]
+    np.savez(left / "peak.npz", u=u, step=[1.0, 1.0], natural_stretch=1.0, work=[0.0, 1, 1, 1])
+    runner = Inline()
+    sweep(plan, out, runner=lambda place: runner)
+    assert runner.names == [child]
+    assert table(out) == table(whole)
 
 
 def test_children_of_a_failure_begin_by_themselves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -412,14 +412,14 @@ mm with 458 982 unknowns (5.5 GB, nine minutes). Numbers in brackets are with it
   The way to full drive takes 22 iterations with 51 762 unknowns, 15 with the preset's, and as long (8 s).
 * The changes of this sequence, 0.013, 0.019, 0.007 and 0.007 mm, do not shrink with one order: the edges and corners
   come into their own one after the other. No mesh of it up to 100 000 unknowns is within 1 % by its own bar.
-* What even meshes up to the preset's size know of the limit: 2.304, 1.821, 1.44, 1.138 and 0.9 mm (16 530 to 61 617
-  unknowns, mean elements of 0.4246, 0.3845, 0.3376, 0.3056 and 0.2682 mm) give 3.6361, 3.6478, 3.6626, 3.6728 and
-  3.6830 mm, 4.4314, 4.4272, 4.4200, 4.4093 and 4.4051 mN at full drive. Laws that values and theory admit put the
-  limits at 3.733 mm, known to 0.82 % (3.703 to 3.763), and 4.383 mN, known to 0.93 % (4.342 to 4.424): within 1 %
+* What even meshes up to the preset's size know of the limit: 2.304, 1.821, 1.44, 1.138 and 0.9 mm (16 503 to 61 617
+  unknowns, mean elements of 0.4250, 0.3845, 0.3376, 0.3056 and 0.2682 mm) give 3.6358, 3.6478, 3.6626, 3.6728 and
+  3.6830 mm, 4.4311, 4.4272, 4.4200, 4.4093 and 4.4051 mN at full drive. Laws that values and theory admit put the
+  limits at 3.734 mm, known to 0.80 % (3.704 to 3.763), and 4.383 mN, known to 0.94 % (4.342 to 4.425): within 1 %
   both, and both hold what is known by other means. The meshes' scatter is 0.02 and 0.06 %. Most of the bar is the
-  order's: the closing shows 1.2, but admits up to 2.2, which would put it at 3.709 mm; theory's puts it at 3.756. The
-  force shows no order; with one of 0.5, which theory excludes, it would be 4.296 mN. Three of these meshes give
-  3.754 mm to 0.5 %, of whose scatter they know nothing, and no order of the force. The preset's mesh itself stays 1.4 %
+  order's: the closing shows 1.2, but admits up to 2.1, which would put it at 3.709 mm; theory's puts it at 3.757. The
+  force shows no order; with one of 0.5, which theory excludes, it would be 4.297 mN. Three of these meshes give
+  3.753 mm to 0.5 %, of whose scatter they know nothing, and no order of the force. The preset's mesh itself stays 1.4 %
   below and 0.5 % above these limits, with 2.2 and 1.4 % as its bars.
 * What is refined at those edges folds sooner. With 0.09 mm there no equilibrium is stable above 14.2 kPa, and the way
   to 14 kPa takes 54 iterations; with 0.126 mm (1.4 mm) it takes 26, in the preset's mesh 17, and 18 kPa are reached.

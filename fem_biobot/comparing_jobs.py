@@ -111,6 +111,7 @@ def _on_a_mesh(
     refuse(design)  # other machines, before anything is meshed
 
     from fem_biobot.mesh.files import mesh_for
+    from fem_biobot.mesh.own_shape import shape_notes
     from fem_biobot.solid.compiling import compile_kernels
     from fem_biobot.study.finding import examine, tables_of
     from fem_biobot.study.folder import mesh_identity
@@ -120,7 +121,7 @@ def _on_a_mesh(
 
     def job(reporter: Reporter) -> dict[str, Any]:
         def found(design: Design, figures: Path) -> Finding:
-            mesh, notes = mesh_for(design) if given is None else (given, [])
+            mesh, notes = mesh_for(design) if given is None else (given, shape_notes(design, given))
             compile_kernels(reporter, design.mesh.element)
             return work(design, mesh, figures, reporter, notes)
 

@@ -66,6 +66,7 @@ def mesh(order: Order, own: MeshOrder) -> int:
         return _export(order, own, design)
 
     from fem_biobot.mesh.files import mesh_for, read_mesh
+    from fem_biobot.mesh.own_shape import shape_notes
     from fem_biobot.mesh.tagged import mesh_text
     from fem_biobot.progress import reporting, show_tables
     from fem_biobot.results import mesh_summary, mesh_tables
@@ -87,6 +88,8 @@ def mesh(order: Order, own: MeshOrder) -> int:
         else:
             assert design is not None
             found, notes = mesh_for(design, size)
+        if design is not None and (order.mesh_file is not None or own.skeleton is not None):
+            notes += shape_notes(design, found)
         for note in notes:
             reporter.note(note)
     file = None

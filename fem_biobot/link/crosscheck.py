@@ -22,6 +22,7 @@ from fem_biobot.link.shapes import Both, level_both, rod_outline, solid_outline
 from fem_biobot.link.solid_side import SolidSide
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
+from fem_biobot.mesh.own_shape import refuse_own_pillars
 from fem_biobot.rod.reduce import PlateFactor, reduce
 from fem_biobot.solid.model import SolidState
 from fem_biobot.study.reporter import Keeping, Reporter, Silent
@@ -214,6 +215,8 @@ def crosscheck(
     ------
     ModelError, DesignError
         Another kind of machine, remodelled tissue, tension that rods cannot have.
+    MeshError
+        Pillars that are no boxes.
     SolveError
         A model that finds no state at all.
 
@@ -240,6 +243,7 @@ def crosscheck(
     if mesh is None:
         mesh, more = mesh_for(design)
         notes += more
+    refuse_own_pillars(design, mesh)
     plain, _ = RodSide(design, rods).states(levels, Silent())
     parts = parts_of(design, mesh if parts_mesh is None else parts_mesh, rods, plain, reporter)
     sides: dict[Stiffness, RodSide | LoadedRods] = {

@@ -53,7 +53,9 @@ def check(
     _surfaces(surfaces, table, points.shape[1])
 
 
-def check_volumes(found: Mapping[str, float], expected: Mapping[str, float], slack: Mapping[str, float]) -> None:
+def check_volumes(
+    found: Mapping[str, float], expected: Mapping[str, float], slack: Mapping[str, float], of: str = "the design"
+) -> None:
     """Refuse a mesh whose regions are not those of the design.
 
     Parameters
@@ -62,6 +64,8 @@ def check_volumes(found: Mapping[str, float], expected: Mapping[str, float], sla
         Region to volume, in the mesh and in closed form [mm^3].
     slack
         Region to the allowed deviation beyond rounding, from straight facets on curved faces [mm^3].
+    of
+        Whose volumes are expected, in words.
     """
     if set(found) != set(expected):
         missing, extra = [n for n in expected if n not in found], [n for n in found if n not in expected]
@@ -76,7 +80,7 @@ def check_volumes(found: Mapping[str, float], expected: Mapping[str, float], sla
             ratio = found[name] / volume
             hint = next((f"; it seems to be in {unit}" for unit, k in UNITS.items() if 0.5 < ratio * k**3 < 2), "")
             raise MeshError(
-                f"region {name} of the mesh has a volume of {found[name]:.6g} mm^3, but that of the design has "
+                f"region {name} of the mesh has a volume of {found[name]:.6g} mm^3, but that of {of} has "
                 f"{volume:.6g} mm^3{hint}"
             )
 

@@ -1,9 +1,9 @@
 """A person's own skeleton, from STEP or STL, meshed with the muscle of a design; and a design's parts as such files.
 
-The design stays what says where things are: the given skeleton has its box, its feet and the ends of its span, and may
-differ from the drawn one in details (rounded edges, holes) of a fiftieth of its volume. The muscle is built round
-the given pillars from the design's lengths, or given too. A skeleton of other lengths lends them to the design
-(`fitted`).
+The design stays what says where things are: the given skeleton has its box, its feet and the ends of its span. Its
+pillars may have any shape: a fiftieth of a section or of a volume is a detail (rounded edges), and where they are no
+boxes the rings follow them (`own_pillars`), and what takes boxes is told (`own_shape`). The muscle is built round the
+given pillars from the design's lengths, or given too. A skeleton of other lengths lends them to the design (`fitted`).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from fem_biobot.mesh.checks import check_volumes
 from fem_biobot.mesh.geometry import drawn_lengths, exported, meshed
 from fem_biobot.mesh.layout import Point, layout
 from fem_biobot.mesh.naming import MissingError
+from fem_biobot.mesh.own_shape import DETAIL, check_shape
 from fem_biobot.mesh.solids import Given, Part
 from fem_biobot.mesh.stl import UNITS, read_stl
-from fem_biobot.mesh.tagged import VOLUME_TOLERANCE
 
 SUFFIXES = (".step", ".stp", ".stl")
 REGIONS = ("skeleton", "muscle")
@@ -76,8 +76,10 @@ def import_mesh(
     GmshMissing, FileError
         Gmsh cannot be imported; a file cannot be read.
     MeshError
-        A file without a closed body, of another unit or place, of another machine (box, or volume beyond 2 %), without
-        a face or point that the design names; a muscle that overlaps the skeleton or does not touch it.
+        A file without a closed body, of another unit or place, of another machine (box, junction or rings; volumes
+        beyond 2 % where it is not the pillars' shape), without a face or point that the design names; a pillar that no
+        ring can go round; a muscle that overlaps the skeleton or does not touch it; a mesh that lacks 2 % of the
+        drawing's volume.
     """
     refuse_without_solid(design, "mesh")
     plan = layout(design)
@@ -104,8 +106,10 @@ def import_mesh(
         raise MeshError(
             f"{muscle or skeleton}: the muscle does not touch the skeleton, vertices are {gap:.3g} mm apart"
         )
-    slack = {name: VOLUME_TOLERANCE * volume for name, volume in plan.volumes.items()}
-    check_volumes(mesh.region_volumes(), plan.volumes, slack)
+    check_shape(plan, mesh)
+    drawn = {name: float(str(mesh.source[f"drawn_{name}_mm3"])) for name in mesh.regions}
+    slack = {name: DETAIL * volume for name, volume in drawn.items()}
+    check_volumes(mesh.region_volumes(), drawn, slack, of=f"{skeleton}, as it is drawn,")
     source = {**mesh.source, "skeleton": Path(skeleton).name, "muscle": Path(muscle).name if muscle else "built"}
     return BodyMesh(mesh.points, mesh.cells, mesh.regions, mesh.surfaces, mesh.landmarks, source).checked()
 

@@ -27,6 +27,7 @@ from fem_biobot.mesh.facets import facets
 from fem_biobot.mesh.layout import Layout, layout, shortened
 from fem_biobot.mesh.measured import muscle_lengths, skeleton_lengths
 from fem_biobot.mesh.naming import named_landmarks, named_surfaces, require
+from fem_biobot.mesh.own_pillars import refine_round
 from fem_biobot.mesh.sizes import CORNER_SHARE, SizeField, set_sizes, take_sizes
 from fem_biobot.mesh.solids import NONE_GIVEN, Given, drawn_muscle, drawn_skeleton, given_solids, solids
 
@@ -170,7 +171,7 @@ def meshed(
         raise MeshError(f"mesh size {h:g} mm would give about {estimate:.0e} elements; expected a larger size")
     version = str(import_gmsh().__version__)
     try:
-        points, cells, regions = _GMSH.call(tetrahedra, plan, h, corner_share, given, sizes)
+        points, cells, regions, drawn = _GMSH.call(tetrahedra, plan, h, corner_share, given, sizes)
     except ProcessDiedError as died:
         raise MeshError(
             f"Gmsh died over the design's mesh of size {h:g} mm: {died}; a slightly different mesh.size usually works"
@@ -184,6 +185,8 @@ def meshed(
     require("surface", plan.faces, surfaces)
     require("landmark", plan.landmarks, landmarks)
     source = {"generator": "gmsh", "gmsh_version": version, "size_mm": h, "grading": plan.grading}
+    if given.skeleton is not None:
+        source |= {f"drawn_{name}_mm3": volume for name, volume in drawn.items()}
     return BodyMesh(points, cells, regions, surfaces, landmarks, source)
 
 
@@ -227,8 +230,8 @@ def tetrahedra(
     corner_share: float = CORNER_SHARE,
     given: Given = NONE_GIVEN,
     sizes: SizeField | None = None,
-) -> tuple[Array, Ints, dict[str, Ints]]:
-    """Vertices (3, n) [mm], cells (4, e) and regions of a layout meshed by Gmsh in this very process.
+) -> tuple[Array, Ints, dict[str, Ints], dict[str, float]]:
+    """Vertices (3, n) [mm], cells (4, e), regions, and these' drawn volumes [mm^3], by Gmsh in this very process.
 
     Parameters
     ----------
@@ -252,18 +255,20 @@ def tetrahedra(
         sizes = sizes and sizes.shortened(longer)
     with _LOCK, _session(gmsh):
         try:
-            parts = solids(gmsh.model.occ, plan, given, _names(gmsh.model))
+            parts, followed = solids(gmsh.model.occ, plan, given, _names(gmsh.model))
             gmsh.model.occ.synchronize()
+            drawn = {name: sum(float(gmsh.model.occ.getMass(3, tag)) for tag in tags) for name, tags in parts.items()}
             if sizes is None:
                 set_sizes(gmsh.model.mesh.field, plan, h, corner_share)
             else:
                 take_sizes(gmsh, sizes)
+            refine_round(gmsh, followed, h)
             gmsh.model.mesh.generate(3)
             for method in ("Relocate3D", ""):
                 gmsh.model.mesh.optimize(method)
             points, cells, regions = _arrays(gmsh.model.mesh, parts)
             points[1] *= longer
-            return points, cells, regions
+            return points, cells, regions, drawn
         except MeshError:
             raise
         except Exception as error:  # Gmsh raises bare Exception

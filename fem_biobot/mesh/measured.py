@@ -22,6 +22,8 @@ _MARGIN = 1e-7
 # of the height of the pillars below the beam: where they are looked for, until there are as many as asked for; fillets
 # at the beam and rounded soles are out of the way of the first
 _HEIGHTS = (0.5, 0.3, 0.15, 0.05)
+# and where, if they do not reach the beam's ends there: tapered ones may do so under the beam
+_UNDER = 0.02
 # over the longest edge: pillars that differ by more are not alike
 _ALIKE = 1e-3
 
@@ -57,6 +59,10 @@ def skeleton_lengths(occ: Any, file: str, solid: Entities, count: int) -> dict[s
             f"if it has others, say so with --set skeleton.pillar_count={max(len(found), 2)}"
         )
     found.sort(key=lambda box: float(box[0][0]))
+    if max(found[0][0][0] - low[0], high[0] - found[-1][1][0]) > _ALIKE * long:
+        under_beam = _slices(occ, solid, 2, under - _UNDER * (under - low[2]), _THIN * long)
+        if len(under_beam) == count:
+            found = sorted(under_beam, key=lambda box: float(box[0][0]))
     lengths = np.array([b - a for a, b in found])
     for axis, key in ((0, "pillar_length"), (1, "pillar_width")):
         if np.ptp(lengths[:, axis]) > _ALIKE * long:

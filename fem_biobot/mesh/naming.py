@@ -43,19 +43,18 @@ def named_surfaces(plan: Layout, points: Array, table: Facets, region_of: Ints, 
     surfaces = {}
     for name, face in plan.faces.items():
         chosen = _on_face(face, points, table, SAME * scale)
-        first = region_of[table.elements[0, chosen]]
-        second = np.where(table.elements[1, chosen] < 0, -1, region_of[table.elements[1, chosen]])
-        triples = table.triples[:, chosen]
         if face.region is None:
             number = names.index("muscle")
-            keep = (first == number) & (second == number)
-            surfaces[name] = _toward(points, triples[:, keep], face.axis)
+            inside = region_of[table.elements[:, chosen]] == number
+            keep = inside.all(axis=0) & (table.elements[1, chosen] >= 0)
+            surfaces[name] = _toward(points, table.triples[:, chosen[keep]], face.axis)
         elif face.region in names:
-            number = names.index(face.region)
-            keep = (first == number) != (second == number)
-            flip = keep & (second == number)
-            triples[:, flip] = triples[::-1, flip]
-            surfaces[name] = triples[:, keep]
+            own = region_of == names.index(face.region)
+            surfaces[name] = _skin(table, own, chosen)
+            if not surfaces[name].size and name.startswith("pillar_"):
+                surfaces[name] = _facing(
+                    face, points, _skin(table, own, np.arange(table.triples.shape[1])), SAME * scale
+                )
     if {"skeleton", "muscle"} <= set(names):
         surfaces["interface"] = interface(table, region_of, names)
     return {name: triples for name, triples in surfaces.items() if triples.size}
@@ -129,6 +128,30 @@ def _on_face(face: Face, points: Array, table: Facets, tolerance: float) -> Ints
         if k != face.axis:
             inside &= (points[k] >= face.low[k] - tolerance) & (points[k] <= face.high[k] + tolerance)
     return np.flatnonzero(inside[table.triples].all(axis=0))
+
+
+def _skin(table: Facets, own: NDArray[np.bool_], chosen: Ints) -> Ints:
+    """Those facets that bound `own` elements, (e,), as triples that look out of them, (3, f)."""
+    first, second = table.elements[:, chosen]
+    inside, beyond = own[first], (second >= 0) & own[second]
+    triples = table.triples[:, chosen]
+    triples[:, beyond] = triples[::-1, beyond]
+    return triples[:, inside != beyond]
+
+
+def _facing(face: Face, points: Array, triples: Ints, tolerance: float) -> Ints:
+    """Of a skin's triples those on the side of a pillar that is no box: they look as the face does, more than else.
+
+    They are between the face's heights and on its side of the box's middle.
+    """
+    corners = points[:, triples]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
+    middle = 0.5 * (face.low[0] + face.high[0])
+    side = np.sign(face.at - middle)
+    looks = (side * normal[0] > 0.0) & (np.abs(normal[0]) >= np.abs(normal[1:]).max(axis=0))
+    near = (side * (corners[0] - middle) >= -tolerance) & (side * (corners[0] - face.at) <= tolerance)
+    inside = (corners[2] >= face.low[2] - tolerance) & (corners[2] <= face.high[2] + tolerance)
+    return triples[:, looks & (near & inside).all(axis=0)]
 
 
 def _toward(points: Array, triples: Ints, axis: int) -> Ints:

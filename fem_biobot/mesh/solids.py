@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem_biobot.errors import MeshError
-from fem_biobot.mesh.layout import Box, Layout
+from fem_biobot.mesh.layout import Box, Layout, pillar_names
+from fem_biobot.mesh.own_pillars import PillarSection, following_rings
 from fem_biobot.mesh.stl import PlaneFaces
 
 Array = NDArray[np.float64]
@@ -66,8 +67,8 @@ def unnamed(tag: int) -> str:
 
 def solids(
     occ: Any, plan: Layout, given: Given = NONE_GIVEN, name_of: Callable[[int], str] = unnamed
-) -> dict[str, list[int]]:
-    """Volumes of each region, cut against each other and through the landmarks and sections.
+) -> tuple[dict[str, list[int]], list[PillarSection]]:
+    """Volumes of each region, cut against each other and through the landmarks and sections; sections rings follow.
 
     `name_of` tells the name that the file gave to a solid.
 
@@ -76,6 +77,7 @@ def solids(
     MeshError
         A given part has no volume, is not where the layout has it, or overlaps another.
     """
+    followed: list[PillarSection] = []
     if given.skeleton is None:
         skeleton, came_along = drawn_skeleton(occ, plan), False
         muscle = drawn_muscle(occ, plan, [])
@@ -86,12 +88,15 @@ def solids(
         if came_along:
             occ.translate(muscle, *shift)
         else:
-            muscle = drawn_muscle(occ, plan, skeleton)
+            muscle, followed = muscle_around(occ, plan, skeleton, given.skeleton.file)
     sections = [(2, _section(occ, plan.muscle, x)) for x in plan.cuts]
     if plan.beam:
         sections += [(2, _section(occ, (plan.beam,), x)) for x in plan.beam_cuts]
-    # fusing made one face of a pillar's side and the beam's: part them again, so that a pillar's face ends at the beam
-    sections += [(2, _level(occ, box, box.high[2])) for box in plan.pillars]
+    # fusing made one face of a pillar's side and the beam's: part them again, so that a pillar's face ends at the beam;
+    # a rectangle about a round one would touch its circle, and leave slivers there
+    own = {section.name for section in followed}
+    boxes = zip(pillar_names(len(plan.pillars)), plan.pillars, strict=True) if plan.pillars else ()
+    sections += [(2, _level(occ, box, box.high[2])) for name, box in boxes if name not in own]
     # the middle layer gives every mesh two elements across the thin muscle
     sections += [(2, _level(occ, box, (box.low[2] + box.high[2]) / 2)) for box in plan.thin]
     marks = [(0, occ.addPoint(*position)) for position in plan.landmarks.values()]
@@ -108,7 +113,7 @@ def solids(
     loose = {tag for child in children[len(whole) :] for dim, tag in child if dim == 2}
     for tag in sorted(loose):
         occ.remove([(2, tag)], recursive=True)
-    return parts
+    return parts, followed
 
 
 def drawn_skeleton(occ: Any, plan: Layout) -> list[tuple[int, int]]:
@@ -124,10 +129,7 @@ def drawn_skeleton(occ: Any, plan: Layout) -> list[tuple[int, int]]:
 def drawn_muscle(
     occ: Any, plan: Layout, skeleton: list[tuple[int, int]], *, joined: bool = False
 ) -> list[tuple[int, int]]:
-    """The muscle of a layout, as its parts or `joined` to one solid.
-
-    What of a given skeleton would lie in it is cut out, so that it fits the very pillars.
-    """
+    """The muscle of a layout, as its parts or `joined` to one solid; what lies in a skeleton is cut out."""
     muscle = [_add_box(occ, box) for box in plan.muscle]
     if plan.holes and not (skeleton and plan.thin):
         muscle, _ = occ.cut(muscle, [_add_box(occ, box) for box in plan.holes])
@@ -136,6 +138,28 @@ def drawn_muscle(
     if joined and len(muscle) > 1:
         muscle, _ = occ.fuse(muscle[:1], muscle[1:])
     return muscle
+
+
+def muscle_around(
+    occ: Any, plan: Layout, skeleton: list[tuple[int, int]], file: str
+) -> tuple[list[tuple[int, int]], list[PillarSection]]:
+    """The muscle of a layout built round the very pillars of a given skeleton, and those sections that rings follow.
+
+    What of the skeleton would lie in it is cut out.
+
+    Raises
+    ------
+    MeshError
+        A pillar whose ring cannot be built; the message names the file.
+    """
+    try:
+        solids, followed = following_rings(occ, plan, skeleton)
+    except MeshError as error:
+        raise MeshError(f"{file}: {error}") from None
+    if not followed:
+        return drawn_muscle(occ, plan, skeleton), []
+    muscle, _ = occ.cut(solids, skeleton, removeTool=False)
+    return muscle, followed
 
 
 def _section(occ: Any, boxes: tuple[Box, ...], x: float) -> int:

@@ -18,16 +18,14 @@ from fem_biobot.errors import FileError, MeshError
 from fem_biobot.files import file_error, write_text
 from fem_biobot.mesh import msh
 from fem_biobot.mesh.body import BodyMesh
-from fem_biobot.mesh.checks import check_volumes
 from fem_biobot.mesh.facets import facets, row_keys
 from fem_biobot.mesh.layout import layout
 from fem_biobot.mesh.naming import named_landmarks, named_surfaces, oriented
+from fem_biobot.mesh.own_shape import check_shape
 
 Ints = NDArray[np.int64]
 
 REGIONS = ("skeleton", "muscle")
-# A stranger's mesh may round edges and leave out details; beyond this it is another machine.
-VOLUME_TOLERANCE = 0.02
 
 
 def read_mesh(
@@ -42,8 +40,9 @@ def read_mesh(
     names
         Volume names of the file to region names, for files with their own: ``{"gel": "skeleton"}``.
     design
-        If given, the mesh must be one of this design: same regions, volumes within 2 %. Surfaces and landmarks of
-        the design that the file does not name are found by position, as far as they lie on facets and vertices.
+        If given, the mesh must be one of this design: same regions, volumes within 2 %, or pillars of another shape
+        in the design's machine (`own_shape.unlike`). Surfaces and landmarks of the design that the file does not
+        name are found by position, as far as they lie on facets and vertices.
 
     Returns
     -------
@@ -150,11 +149,11 @@ def _body(raw: msh.Raw, names: dict[str, str], path: str, design: Design | None)
     surfaces = oriented(surfaces, table, region_of, labels)
     if design is not None:
         plan = layout(design)
-        expected = dict(plan.volumes)
-        slack = {name: VOLUME_TOLERANCE * volume for name, volume in expected.items()}
-        check_volumes(mesh.region_volumes(), expected, slack)
         surfaces = {**named_surfaces(plan, mesh.points, table, region_of, labels), **surfaces}
         landmarks = {**named_landmarks(plan.landmarks, mesh.points), **landmarks}
+        found = BodyMesh(mesh.points, mesh.cells, mesh.regions, surfaces, landmarks, source)
+        check_shape(plan, found)
+        return found
     return BodyMesh(mesh.points, mesh.cells, mesh.regions, surfaces, landmarks, source)
 
 

@@ -2,7 +2,8 @@
 
 ``muscle.fibres`` says how. Piecewise: inside the junction block (which runs from pillar face to pillar face, through
 the rings' inner sides) the field is constant; elsewhere in a ring it is tangent to the pillar's outline, turning
-smoothly about its corners; the field jumps where a ring meets the junction block. Smooth: no jump, see `smooth_fibres`.
+smoothly about its corners (the mesh's own outline, where the pillars are no boxes); the field jumps where a ring meets
+the junction block. Smooth: no jump, see `smooth_fibres`.
 Anything else is a file: see `fibre_table`.
 """
 
@@ -15,6 +16,8 @@ from fem_biobot.design import Design
 from fem_biobot.design_kinds import FILE_KEYS
 from fem_biobot.errors import DesignError
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.layout import layout
+from fem_biobot.mesh.own_shape import pillar_outlines
 from fem_biobot.muscle.blocks import in_junction, junction_blocks, junction_direction
 from fem_biobot.muscle.fibre_table import fibres_from_file
 from fem_biobot.muscle.smooth_fibres import smooth_fibres
@@ -69,11 +72,30 @@ def piecewise_fibres(design: Design, mesh: BodyMesh) -> Array:
     along = junction_direction(muscle.theta)
     if design.kind == "strip":
         return np.repeat(along[:, None], X.shape[1], axis=1)
+    outlines = pillar_outlines(layout(design), mesh)
+    if outlines is not None:
+        return np.where(in_junction(design, X), along[:, None], _along_outlines(outlines, X))
     tangent, normal = _around_pillars(design, X)
     if muscle.layout == "ring":
         # theta turns the fibres of the loop out of its own direction, in the sense of a junction's
         return np.sin(muscle.theta) * tangent - np.cos(muscle.theta) * normal
     return np.where(in_junction(design, X), along[:, None], tangent)
+
+
+def _along_outlines(lines: Array, X: Array) -> Array:
+    """Tangent of the offset of the nearest of lines in the plane, (2, 2, k): end, axis, line; at positions, (3, e)."""
+    start, way = lines[0], lines[1] - lines[0]
+    length = np.maximum(np.sum(way**2, axis=0), 1e-300)
+    found = np.empty((2, X.shape[1]))
+    for e, x in enumerate(X[:2].T):
+        share = np.clip(np.sum((x[:, None] - start) * way, axis=0) / length, 0.0, 1.0)
+        out = x[:, None] - start - share * way
+        k = int(np.sum(out**2, axis=0).argmin())
+        found[:, e] = out[:, k]
+    away = np.linalg.norm(found, axis=0)
+    if np.any(away == 0.0):
+        raise DesignError("muscle: found tissue on the outline of a pillar, expected it outside")
+    return np.stack([-found[1] / away, found[0] / away, np.zeros(X.shape[1])])
 
 
 def _around_pillars(design: Design, X: Array) -> tuple[Array, Array]:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, MeshError
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.layout import layout
+from fem_biobot.mesh.own_shape import pillar_outlines
 from fem_biobot.muscle.blocks import bay_cores, in_junction, junction_direction
 from fem_biobot.muscle.directions import unit
 from fem_biobot.muscle.laplace import Region
@@ -43,7 +45,8 @@ def smooth_fibres(design: Design, mesh: BodyMesh) -> Array:
     Raises
     ------
     DesignError, MeshError
-        The mesh is not of this design: tissue inside a pillar, no tissue in the middle of a bay or behind a pillar.
+        The mesh is not of this design: tissue inside a pillar, no tissue in the middle of a bay or behind a pillar; or
+        its pillars are no boxes.
 
     Notes
     -----
@@ -59,6 +62,8 @@ def smooth_fibres(design: Design, mesh: BodyMesh) -> Array:
     """
     muscle = design.muscle
     assert muscle is not None
+    if pillar_outlines(layout(design), mesh) is not None:
+        raise DesignError("muscle.fibres: found smooth, expected piecewise or a file for pillars that are no boxes")
     tissue = Region.of(mesh, "muscle")
     X = tissue.points[:, tissue.cells].mean(axis=1)
     _refuse_inside(design, X)

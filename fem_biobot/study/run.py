@@ -19,6 +19,7 @@ from fem_biobot.files import write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
+from fem_biobot.mesh.own_shape import shape_notes
 from fem_biobot.mesh.store import stored_mesh
 from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.compiling import compile_kernels
@@ -154,7 +155,7 @@ class _Job:
             self._note(f"SuperLU factors instead of PARDISO ({missing}); slower on large meshes")
         self._timed("compile", lambda: compile_kernels(self.reporter, self.design.mesh.element, sliding=self.sliding))
         solver = self._timed("model", lambda: Solver(self.design, mesh, self.reporter, shared=self.shared))
-        for note in [*solver.model.system.notes, *oxygen_notes(self.design, mesh)]:
+        for note in [*solver.model.system.notes, *oxygen_notes(self.design, mesh), *shape_notes(self.design, mesh)]:
             self._note(note)
         self.folder.open()
         write_design(self.folder.path, self.design)

@@ -20,6 +20,7 @@ from fem_biobot.files import write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
+from fem_biobot.mesh.own_shape import shape_notes
 from fem_biobot.muscle.drive import paper_amplitude
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.reduce import reduce
@@ -161,8 +162,10 @@ class _Job:
 
     def _mesh(self) -> BodyMesh:
         if self.mesh_file is not None:
-            return read_mesh(self.mesh_file, self.names, design=self.design)
-        mesh, notes = mesh_for(self.design)
+            mesh = read_mesh(self.mesh_file, self.names, design=self.design)
+            notes = shape_notes(self.design, mesh)
+        else:
+            mesh, notes = mesh_for(self.design)
         for note in notes:
             self._note(note)
         return mesh

@@ -21,6 +21,7 @@ from fem_biobot.link.stroke import MEASURES, StrokeLaw, stroke_law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.mesh.files import read_mesh
+from fem_biobot.mesh.own_shape import shape_notes
 from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.compiling import compile_kernels
@@ -91,6 +92,7 @@ def walk_with_stroke(
     if done is not None:
         return done
     mesh, notes = mesh_for(design) if mesh_file is None else (read_mesh(mesh_file, names, design=design), [])
+    notes += shape_notes(design, mesh)
     compile_kernels(reporter, design.mesh.element)
     folder.open()
     write_design(folder.path, design)

@@ -192,7 +192,7 @@ def hollow(occ: Any) -> None:
         (surface, "holds no volume; expected a solid"),
         (two_bodies, "2 bodies that do not touch"),
         (turned, "7 x 14 x 3.74 mm, but that of the design is 14 x 7 x 3.74 mm; it is turned"),
-        (hollow, "region skeleton of the mesh has a volume of 195"),
+        (hollow, "pillar short: found a hole in it at z = 1.3 mm, expected none where its ring goes round"),
         (lambda occ: occ.translate(skeleton(occ), 0.0, 0.0, 0.5), r"lies \(0, 0, 0.5\) mm from its place"),
         (lambda occ: occ.dilate(skeleton(occ), 0, 0, 0, 0.1, 0.1, 0.1), "10 times too small: is its unit right"),
     ],

@@ -5,7 +5,7 @@ Each check raises `MeshError` on the first defect, with what was found, where, a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,18 @@ def check(
     _surfaces(surfaces, table, points.shape[1])
 
 
+def check_regions(found: Collection[str], expected: Collection[str]) -> None:
+    """Refuse a mesh that has not the regions of the design."""
+    if set(found) != set(expected):
+        missing, extra = [n for n in expected if n not in found], [n for n in found if n not in expected]
+        words = [f"no {_list(missing)}"] if missing else []
+        words += [f"{_list(extra)}, which the design has not"] if extra else []
+        raise MeshError(
+            f"the mesh has the regions {_list(found)}: found {' and '.join(words)}, expected {_list(expected)}; "
+            "name a volume of another name with --rename NAME=REGION"
+        )
+
+
 def check_volumes(
     found: Mapping[str, float], expected: Mapping[str, float], slack: Mapping[str, float], of: str = "the design"
 ) -> None:
@@ -67,14 +79,7 @@ def check_volumes(
     of
         Whose volumes are expected, in words.
     """
-    if set(found) != set(expected):
-        missing, extra = [n for n in expected if n not in found], [n for n in found if n not in expected]
-        words = [f"no {_list(missing)}"] if missing else []
-        words += [f"{_list(extra)}, which the design has not"] if extra else []
-        raise MeshError(
-            f"the mesh has the regions {_list(found)}: found {' and '.join(words)}, expected {_list(expected)}; "
-            "name a volume of another name with --rename NAME=REGION"
-        )
+    check_regions(found, expected)
     for name, volume in expected.items():
         if abs(found[name] - volume) > VOLUME * volume + slack.get(name, 0.0):
             ratio = found[name] / volume

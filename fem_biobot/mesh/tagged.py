@@ -18,6 +18,7 @@ from fem_biobot.errors import FileError, MeshError
 from fem_biobot.files import file_error, write_text
 from fem_biobot.mesh import msh
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.checks import check_regions
 from fem_biobot.mesh.facets import facets, row_keys
 from fem_biobot.mesh.layout import layout
 from fem_biobot.mesh.naming import named_landmarks, named_surfaces, oriented
@@ -149,6 +150,7 @@ def _body(raw: msh.Raw, names: dict[str, str], path: str, design: Design | None)
     surfaces = oriented(surfaces, table, region_of, labels)
     if design is not None:
         plan = layout(design)
+        check_regions(mesh.regions, plan.volumes)
         surfaces = {**named_surfaces(plan, mesh.points, table, region_of, labels), **surfaces}
         landmarks = {**named_landmarks(plan.landmarks, mesh.points), **landmarks}
         found = BodyMesh(mesh.points, mesh.cells, mesh.regions, surfaces, landmarks, source)

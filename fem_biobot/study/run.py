@@ -18,8 +18,7 @@ from fem_biobot.errors import BiobotError, ModelError, SolveError
 from fem_biobot.files import write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
-from fem_biobot.mesh.files import read_mesh
-from fem_biobot.mesh.own_shape import shape_notes
+from fem_biobot.mesh.files import read_mesh, shape_notes
 from fem_biobot.mesh.store import stored_mesh
 from fem_biobot.rod.gait import Walk
 from fem_biobot.solid.compiling import compile_kernels

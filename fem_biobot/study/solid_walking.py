@@ -19,8 +19,7 @@ from fem_biobot.errors import BiobotError, FileError, SolveError
 from fem_biobot.files import write_json
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
-from fem_biobot.mesh.files import read_mesh
-from fem_biobot.mesh.own_shape import shape_notes
+from fem_biobot.mesh.files import read_mesh, shape_notes
 from fem_biobot.muscle.drive import paper_amplitude
 from fem_biobot.rod.gait import Walk
 from fem_biobot.rod.reduce import reduce

@@ -20,8 +20,7 @@ from fem_biobot.link.expected import expect
 from fem_biobot.link.stroke import MEASURES, StrokeLaw, stroke_law
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.committed import mesh_for
-from fem_biobot.mesh.files import read_mesh
-from fem_biobot.mesh.own_shape import shape_notes
+from fem_biobot.mesh.files import read_mesh, shape_notes
 from fem_biobot.rod.anatomy import anatomy
 from fem_biobot.rod.reduce import reduce
 from fem_biobot.solid.compiling import compile_kernels

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -43,10 +44,11 @@ def test_compilation_is_told_only_where_it_happens(integrator: Integrator, monke
     assert f"compiling the kernels of {integrator} time steps" in again.words[0]
 
 
-def test_kernels_older_than_their_source_are_not_taken_for_compiled(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Catches: a cache of an earlier version taken for this one."""
+def test_kernels_are_told_by_their_sources_and_not_by_the_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder of these sources without the kernel is none, one with it is one, whenever the source was written.
+
+    Catches: a cache of an earlier version taken for this one, kernels called missing because a file was checked out.
+    """
     compile_kernels(Told())
     kernel = compiling.run_kernels.implicit_run
     if not hasattr(kernel, "stats"):
@@ -57,6 +59,10 @@ def test_kernels_older_than_their_source_are_not_taken_for_compiled(
 
     monkeypatch.setattr(compiling.run_kernels, "implicit_run", Elsewhere)
     assert not cached()
+    index = tmp_path / "kernels.implicit_run-1.py311.nbi"
+    index.touch()
+    os.utime(index, (0.0, 0.0))
+    assert cached()
 
 
 def test_what_is_not_compiled_is_called_as_it_is() -> None:

@@ -178,7 +178,10 @@ def _loops(triangles: Ints, X: Array, group: Ints) -> list[tuple[list[int], ...]
         if other == face:
             continue
         if following.setdefault(face, {}).setdefault(a, b) != b:
-            raise MeshError("a plane face touches itself at a corner; expected faces whose edges do not cross")
+            raise MeshError(
+                "a plane face touches itself at a corner, expected faces whose edges do not (a round pillar flush with "
+                "the beam's end makes one): give a STEP file"
+            )
         for end in (a, b):
             beside.setdefault(end, set()).add((min(face, other), max(face, other)))
     found = []

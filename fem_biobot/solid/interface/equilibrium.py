@@ -30,6 +30,9 @@ from fem_biobot.solid.system import InvertedError, Points, System
 _ROUNDING = 1e-14
 # steadies iterations in proportion to what is still missed
 _CALM = 0.1
+# an iteration that misses more than this share of what the one before the last did goes back and forth across a kink of
+# Coulomb's law, such as slip that turns back: half of the way lies nearer to it
+_CYCLE = 0.9
 # searches for opposite points in a step
 _PAIRINGS = 8
 
@@ -127,7 +130,7 @@ class Slide(Joint):
         S_geo = points.S if begin.S is None else begin.S
         lift = held.at(step) - system.to_local(u).ravel()[held.dofs]
         lifting = bool(np.any(np.abs(lift) > 0.0))
-        best, missed, caution = None, np.inf, 1.0 / pace.ease
+        best, before, missed, caution = None, np.inf, np.inf, 1.0 / pace.ease
         norm = worst = np.inf
         free = np.zeros(system.n_dofs)
         self._saddle = None
@@ -169,7 +172,8 @@ class Slide(Joint):
                 free = free + system.product(data, full)
                 free[held.dofs] = 0.0
             system.block(data)
-            missed, before = max(norm / scale if scale else 0.0, worst / self.element), missed
+            earlier, before, missed = before, missed, max(norm / scale if scale else 0.0, worst / self.element)
+            way = 0.5 if missed > _CYCLE * earlier and not lifting else 1.0
             caution = caution * pace.ease if missed < before else min(1.0, caution / pace.ease**2)
             calm = _CALM * caution * missed
             change, by = self._solved(data, terms, slope, miss, free, pairing, stiffness, calm, done)
@@ -180,8 +184,8 @@ class Slide(Joint):
                 local.reshape(-1)[held.dofs] = lift
                 change = system.to_global(local)
                 lifting = False
-            u = u + change
-            traction = traction + by
+            u = u + way * change
+            traction = traction + way * by
             done += 1
             F = self.system.deformation_gradient(u)
             S_geo = system.carry(points, F, np.zeros(0))

@@ -21,9 +21,9 @@ def test_the_study_shows_what_it_found(tmp_path: Path) -> None:
     """
     module, found = study("ring_contact"), smoke("ring_contact")
     module.expect(found)
-    (table,) = module.tables(found)
-    assert len(table.rows) == 2
-    assert all(len(row) == len(table.header) for row in table.rows)
+    for table in module.tables(found):
+        assert len(table.rows) == 2
+        assert all(len(row) == len(table.header) for row in table.rows)
     module.write(found, tmp_path / "found")
     written = {path.suffix: path.stat().st_size for path in (tmp_path / "found").iterdir()}
     assert set(written) == {".csv", ".png"}
@@ -33,7 +33,8 @@ def test_the_study_shows_what_it_found(tmp_path: Path) -> None:
 
 
 def test_what_the_study_expects_can_fail() -> None:
-    """Forces that do not balance, rings that pull as bonded ones, closing without its force, nothing slid, a wild mesh.
+    """Forces that do not balance, rings that pull as bonded ones, closing without its force, nothing slid, a wild mesh,
+    edges on which finer elements do nothing.
 
     Catches: a limit that is never compared.
     """
@@ -50,3 +51,10 @@ def test_what_the_study_expects_can_fail() -> None:
     found = copy.deepcopy(smoke("ring_contact"))
     found.finer = [dict(found.rows[0], passive_muscle_force_mN=100.0)]
     refuses(lambda: module.expect(found), "off the finer one")
+    for change, word in (({"overlap_mm": 1.0}, "of the overlap"), ({"muscle_force_mN": 100.0}, "of the force")):
+        found = copy.deepcopy(smoke("ring_contact"))
+        found.edges[1].update(change)
+        refuses(lambda found=found: module.expect(found), word)
+    found = copy.deepcopy(smoke("ring_contact"))
+    found.edges += [dict(row, edge_size_mm=0.5 * row["edge_size_mm"]) for row in found.edges]
+    refuses(lambda: module.expect(found), "falls with order")

@@ -11,6 +11,7 @@ import pytest
 
 from fem_biobot.config import load_design
 from fem_biobot.errors import DesignError, FileError
+from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.study import solid_walking
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.solid_walking import walk_solid
@@ -50,6 +51,8 @@ def test_a_walk_with_loose_rings_is_whole_and_goes_on(tmp_path: Path, monkeypatc
     Catches: slip forgotten at a stroke's end, a footprint of the wrong instant, work that is not accounted for.
     """
     design = load_design("junction_bot", SETS)
+    coarse = mesh_for(load_design("junction_bot", SETS[:4]))
+    monkeypatch.setattr(solid_walking, "mesh_for", lambda _: coarse)
     out, parts = tmp_path / "whole", tmp_path / "parts"
     (walk,) = walk_solid(design, out, PLAN)["walks"]
     assert walk["energy_error_1"] < 1e-6

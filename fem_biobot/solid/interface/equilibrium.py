@@ -30,9 +30,9 @@ from fem_biobot.solid.system import InvertedError, Points, System
 _ROUNDING = 1e-14
 # steadies iterations in proportion to what is still missed
 _CALM = 0.1
-# an iteration that misses more than this share of what the one before the last did goes back and forth across a kink of
-# Coulomb's law, such as slip that turns back: half of the way lies nearer to it
-_CYCLE = 0.9
+# an iteration of the last pace that misses as much as the one before the last, to this share, goes back and forth
+# across a kink of Coulomb's law, such as slip that turns back: half of the way lies nearer to it
+_CYCLE = 1e-3
 # searches for opposite points in a step
 _PAIRINGS = 8
 
@@ -173,7 +173,8 @@ class Slide(Joint):
                 free[held.dofs] = 0.0
             system.block(data)
             earlier, before, missed = before, missed, max(norm / scale if scale else 0.0, worst / self.element)
-            way = 0.5 if missed > _CYCLE * earlier and not lifting else 1.0
+            back = pace is _PACES[-1] and abs(missed - earlier) < _CYCLE * earlier
+            way = 0.5 if back and not lifting else 1.0
             caution = caution * pace.ease if missed < before else min(1.0, caution / pace.ease**2)
             calm = _CALM * caution * missed
             change, by = self._solved(data, terms, slope, miss, free, pairing, stiffness, calm, done)

@@ -11,9 +11,11 @@ import pytest
 from fem_biobot import BodyMesh, Fix, SolidModel, SolidMotion, Traction, solve
 from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.material.neo_hooke import NeoHooke
+from fem_biobot.solid.dynamics.body import moving_body
 from fem_biobot.solid.dynamics.integrate import rigid_velocity, solid_dynamics
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint, joined
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
+from fem_biobot.solid.dynamics.sliding import SlidingStepper
 from fem_biobot.solid.interface.record import Sliding
 from fem_biobot.solid.interface.state import LIFTED, SLIP, STICK
 from fem_biobot.solid.newton import NewtonSettings
@@ -78,6 +80,38 @@ def test_a_block_slides_down_another_as_a_rigid_one(element: str, scheme: Scheme
     assert found == pytest.approx(G * (np.sin(angle) - mu * np.cos(angle)), rel=5e-3)
     last = motion.between[-1].state
     assert set(last[last != LIFTED]) == {SLIP}
+
+
+def test_friction_turns_with_the_motion() -> None:
+    """Thrown up the slope a block is slowed by g (sin a + mu cos a), and falls back by g (sin a - mu cos a) at once.
+
+    Above the place where it began. Catches: slip measured from where the motion began, not the step.
+    """
+    angle, mu = np.radians(30.0), 0.3
+    model = blocks(mu, Fix("under"))
+    v = np.zeros_like(model.system.space.points)
+    v[0, np.unique(model.system.space.nodes[:, model.mesh.regions["slider"]])] = -60.0
+    motion = on_slope(angle, mu, 0.016, 5e-4, velocity=v)
+    speed, t = slider_speed(motion), 0.5 * (motion.times[1:] + motion.times[:-1])
+    turned = 60.0 / (G * (np.sin(angle) + mu * np.cos(angle)))
+    for inside, sign in (((t > 2e-3) & (t < turned - 1e-3), 1.0), (t > turned + 2e-3, -1.0)):
+        found = np.polyfit(t[inside], speed[inside], 1)[0]
+        assert found == pytest.approx(G * (np.sin(angle) + sign * mu * np.cos(angle)), rel=0.02)
+    assert motion.u[-1, 0, slider_nodes(motion)].max() < 0.0
+
+
+def test_surfaces_that_slide_move_by_backward_euler() -> None:
+    """Of the middle rule's weights theirs alone are one, so that parts that meet do not bounce.
+
+    Catches: a scheme that gives sliding surfaces the velocity of the middle.
+    """
+    body = moving_body(blocks(0.3, Fix("under")), DENSITY)
+    settings = DynamicsSettings(SOFT)
+    weights = SlidingStepper(body, None, settings).weights(1e-3).ravel()
+    assert body.joint is not None
+    assert np.all(weights[body.joint.nodes] == 1.0)
+    assert np.all(np.delete(weights, body.joint.nodes) == settings.theta(1e-3))
+    assert settings.theta(1e-3) < 0.6
 
 
 def test_a_block_below_its_friction_stays_where_it_is() -> None:

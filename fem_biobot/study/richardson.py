@@ -169,7 +169,7 @@ def limit(
     else:
         # an order below the least is not believed where the values admit others, which stand in for it
         laws = admitted(h, v, theory) if shrinks or others else []
-        usual = order is not None and order <= MOST
+        usual = order is not None and (order >= LEAST or others) and order <= MOST
     if laws:
         value, reach = hull(laws)
         beyond = abs(value - finest)
@@ -186,7 +186,7 @@ def limit(
         verdict = Verdict.converging if apart and followed else Verdict.undecided
     size = math.nan
     if order is not None and shrinks:
-        p = min(order if usual and order >= LEAST else 1.0, theory)
+        p = min(order if order <= MOST else 1.0, theory)
         size = float(h[-1] * (wanted / error) ** (1.0 / p))
     ends = sorted(laws, key=lambda law: law.limit)
     return Limit(

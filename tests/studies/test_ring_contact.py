@@ -56,5 +56,5 @@ def test_what_the_study_expects_can_fail() -> None:
         found.edges[1].update(change)
         refuses(lambda found=found: module.expect(found), word)
     found = copy.deepcopy(smoke("ring_contact"))
-    found.edges += [dict(row, edge_size_mm=0.5 * row["edge_size_mm"]) for row in found.edges]
+    found.edges += [dict(row, asked_size_mm=0.5 * row["asked_size_mm"]) for row in found.edges]
     refuses(lambda: module.expect(found), "falls with order")

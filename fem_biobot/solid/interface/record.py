@@ -31,8 +31,8 @@ class Sliding:
     -----
     Traction is per reference area of the bearing surface, linear on its facets and independent on both sides of an
     edge sharper than 30 degrees. Gap and slip obey the law in the mean over each multiplier's share of the surface, so
-    pressures do not oscillate; single points may overlap or gape within a facet, most at edges, and less with facets
-    in proportion to their length there.
+    pressures do not oscillate; single points may overlap or gape within a facet, most at edges, and less the
+    shorter facets are there.
     """
 
     bearing: str = BEARING

@@ -6,6 +6,8 @@ Works on any mesh that fits the design, so our own and a stranger's get their na
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +43,8 @@ def named_surfaces(plan: Layout, points: Array, table: Facets, region_of: Ints, 
     """
     scale = float(np.ptp(points, axis=1).max())
     surfaces = {}
-    for name, face in plan.faces.items():
+    for name, box_face in plan.faces.items():
+        face = _reaching(plan, name, box_face)
         chosen = _on_face(face, points, table, SAME * scale)
         if face.region is None:
             number = names.index("muscle")
@@ -53,7 +56,11 @@ def named_surfaces(plan: Layout, points: Array, table: Facets, region_of: Ints, 
             surfaces[name] = _skin(table, own, chosen)
             if not surfaces[name].size and name.startswith("pillar_"):
                 surfaces[name] = _facing(
-                    face, points, _skin(table, own, np.arange(table.triples.shape[1])), SAME * scale
+                    face,
+                    _place(plan, face),
+                    points,
+                    _skin(table, own, np.arange(table.triples.shape[1])),
+                    SAME * scale,
                 )
     if {"skeleton", "muscle"} <= set(names):
         surfaces["interface"] = interface(table, region_of, names)
@@ -122,6 +129,24 @@ def require(kind: str, wanted: Mapping[str, object], found: Mapping[str, object]
         raise MissingError(kind, missing)
 
 
+def _reaching(plan: Layout, name: str, face: Face) -> Face:
+    """A pillar's face, for pillars wider than their boxes: all widths, and soles to half way between pillars."""
+    if not name.startswith(("foot_", "pillar_")) or not plan.pillars:
+        return face
+    low, high = list(face.low), list(face.high)
+    low[1], high[1] = -np.inf, np.inf
+    if face.axis == 2:
+        low[0], high[0] = _place(plan, face)
+    return replace(face, low=(low[0], low[1], low[2]), high=(high[0], high[1], high[2]))
+
+
+def _place(plan: Layout, face: Face) -> tuple[float, float]:
+    """Where along x a pillar is whose face this is: half way to the next ones, with no end beyond the outermost."""
+    ends = [-np.inf, *(0.5 * (p.high[0] + q.low[0]) for p, q in pairwise(plan.pillars)), np.inf]
+    k = int(np.searchsorted(ends, 0.5 * (face.low[0] + face.high[0]))) - 1
+    return ends[k], ends[k + 1]
+
+
 def _on_face(face: Face, points: Array, table: Facets, tolerance: float) -> Ints:
     inside = np.abs(points[face.axis] - face.at) <= tolerance
     for k in range(3):
@@ -139,17 +164,17 @@ def _skin(table: Facets, own: NDArray[np.bool_], chosen: Ints) -> Ints:
     return triples[:, inside != beyond]
 
 
-def _facing(face: Face, points: Array, triples: Ints, tolerance: float) -> Ints:
+def _facing(face: Face, place: tuple[float, float], points: Array, triples: Ints, tolerance: float) -> Ints:
     """Of a skin's triples those on the side of a pillar that is no box: they look as the face does, more than else.
 
-    They are between the face's heights and on its side of the box's middle.
+    They are between the face's heights, and from the box's middle on its side to the pillar's `place` along x.
     """
     corners = points[:, triples]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
     middle = 0.5 * (face.low[0] + face.high[0])
     side = np.sign(face.at - middle)
     looks = (side * normal[0] > 0.0) & (np.abs(normal[0]) >= np.abs(normal[1:]).max(axis=0))
-    near = (side * (corners[0] - middle) >= -tolerance) & (side * (corners[0] - face.at) <= tolerance)
+    near = (side * (corners[0] - middle) >= -tolerance) & (corners[0] >= place[0]) & (corners[0] <= place[1])
     inside = (corners[2] >= face.low[2] - tolerance) & (corners[2] <= face.high[2] + tolerance)
     return triples[:, looks & (near & inside).all(axis=0)]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fem_biobot.errors import MeshError
 from fem_biobot.mesh.layout import Box, Layout, pillar_names
-from fem_biobot.mesh.own_shape import DETAIL
+from fem_biobot.mesh.own_shape import is_box, sizes_told
 
 Array = NDArray[np.float64]
 Entities = list[tuple[int, int]]
@@ -39,25 +39,25 @@ class PillarSection:
     z
         Height of the cut [mm].
     low, high
-        Ends along x, [mm].
+        Ends along x and y, (2,) each [mm].
     area, perimeter
         Of the section [mm^2], and of its outline [mm].
-    box_area
-        Of the design's box [mm^2].
+    box
+        The design's.
     """
 
     name: str
     z: float
-    low: float
-    high: float
+    low: Array
+    high: Array
     area: float
     perimeter: float
-    box_area: float
+    box: Box
 
     @property
     def is_box(self) -> bool:
         """Whether it is the design's rectangle but for details."""
-        return abs(self.area - self.box_area) <= DETAIL * self.box_area
+        return is_box(self.box, self)
 
 
 def pillar_sections(occ: Any, plan: Layout, skeleton: Entities) -> list[tuple[PillarSection, Entities]]:
@@ -95,9 +95,8 @@ def pillar_sections(occ: Any, plan: Layout, skeleton: Entities) -> list[tuple[Pi
 
 def _section(occ: Any, name: str, box: Box, z: float, faces: Entities) -> PillarSection:
     (_, tag), (low, high) = faces[0], _box(occ, faces)
-    box_area = math.prod(d - c for c, d in zip(box.low[:2], box.high[:2], strict=True))
     around = sum(float(occ.getMass(1, curve)) for curve in _outline(occ, tag))
-    return PillarSection(name, z, float(low[0]), float(high[0]), float(occ.getMass(2, tag)), around, box_area)
+    return PillarSection(name, z, low[:2], high[:2], float(occ.getMass(2, tag)), around, box)
 
 
 def following_rings(occ: Any, plan: Layout, skeleton: Entities) -> tuple[Entities, list[PillarSection]]:
@@ -115,9 +114,10 @@ def following_rings(occ: Any, plan: Layout, skeleton: Entities) -> tuple[Entitie
     sections = pillar_sections(occ, plan, skeleton)
     followed = [section for section, _ in sections if not section.is_box]
     if followed and not plan.thin:
+        a, b = (followed[0].box.high[k] - followed[0].box.low[k] for k in (0, 1))
         raise MeshError(
-            f"pillar {followed[0].name}: found a section of {followed[0].area:.4g} mm^2, expected the design's "
-            f"{followed[0].box_area:.4g} within 2 %: a loop round all pillars follows boxes; give it with --muscle"
+            f"pillar {followed[0].name}: found a section of {sizes_told(followed[0])}, expected the design's {a:.4g} x "
+            f"{b:.4g} mm, in its place, within 2 %: a loop round all pillars follows boxes; give it with --muscle"
         )
     if not followed:
         occ.remove([face for _, faces in sections for face in faces], recursive=True)
@@ -132,8 +132,8 @@ def following_rings(occ: Any, plan: Layout, skeleton: Entities) -> tuple[Entitie
         occ.remove(faces, recursive=True)
     for box, (left, _), (right, _) in zip(plan.thin, sections[:-1], sections[1:], strict=True):
         # on into what a ring that is no box leaves free, without a face that would touch a round pillar
-        low = box.low[0] if left.is_box else 0.5 * (left.low + left.high)
-        high = box.high[0] if right.is_box else 0.5 * (right.low + right.high)
+        low = box.low[0] if left.is_box else 0.5 * float(left.low[0] + left.high[0])
+        high = box.high[0] if right.is_box else 0.5 * float(right.low[0] + right.high[0])
         solids.append(_solid(occ, (low, *box.low[1:]), (high, *box.high[1:])))
     return solids, followed
 
@@ -197,9 +197,10 @@ def refine_round(gmsh: Any, followed: list[PillarSection], h: float) -> None:
 def _level_within(model: Any, curve: int, section: PillarSection) -> bool:
     """Whether a curve runs level and across no more than about the section."""
     low, high = np.reshape(model.getBoundingBox(1, curve), (2, 3))
-    reach = 0.5 * (section.high - section.low)
+    first, last = section.low[0], section.high[0]
+    reach = 0.5 * (last - first)
     level = high[2] - low[2] < 1e-5 * reach + 4.0 * _MARGIN
-    return bool(level and low[0] > section.low - reach and high[0] < section.high + reach)
+    return bool(level and low[0] > first - reach and high[0] < last + reach)
 
 
 def _solid(occ: Any, low: Any, high: Any) -> tuple[int, int]:

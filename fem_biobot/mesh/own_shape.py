@@ -6,7 +6,8 @@ tapered or otherwise their own. What is derived from a design without a mesh tak
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from fem_biobot.design import Design
 from fem_biobot.errors import MeshError
 from fem_biobot.mesh.body import BodyMesh
 from fem_biobot.mesh.checks import check_volumes
+from fem_biobot.mesh.cuts import Section, distances, lines, section, volume_above
+from fem_biobot.mesh.facets import facets
 from fem_biobot.mesh.layout import Box, Layout, layout, pillar_names
 
 Array = NDArray[np.float64]
@@ -24,80 +27,17 @@ Ints = NDArray[np.int64]
 DETAIL = 0.02
 # below the beam, of a pillar's height there: where the re-entrant corner is looked for
 _BELOW = 0.02
-
-
-@dataclass(frozen=True)
-class Section:
-    """A body cut across at a height.
-
-    Attributes
-    ----------
-    area
-        Of the section [mm^2].
-    second_moments
-        About its own axes along x and along y [mm^4].
-    low, high
-        Its ends along x and y, (2,) each [mm].
-    """
-
-    area: float
-    second_moments: tuple[float, float]
-    low: Array
-    high: Array
-
-
-def section(points: Array, cells: Ints, z: float) -> Section | None:
-    """Section of tetrahedra at a height; none where there is nothing.
-
-    Parameters
-    ----------
-    points
-        Vertices, (3, n) [mm].
-    cells
-        Tetrahedra, (4, e).
-    z
-        Height [mm], of no vertex or of some: a facet that lies in it counts once, as that of the elements above.
-    """
-    above = points[2] >= z
-    cut = cells[:, above[cells].any(axis=0) & ~above[cells].all(axis=0)]
-    if not cut.size:
-        return None
-    areas, moments, ends = [], [], []
-    for count in (1, 2, 3):
-        some = cut[:, above[cut].sum(axis=0) == count]
-        order = np.argsort(~above[some], axis=0, kind="stable")
-        some = np.take_along_axis(some, order, axis=0)
-        up, down = range(count), range(count, 4)
-        corners = np.array([_between(points, some[a], some[b], z) for a in up for b in down])  # (corner, 2, e)
-        # two above and two below are cut in a quadrangle, whose corners go round as 0, 1, 3, 2
-        for a, b, c in ((0, 1, 2), (1, 3, 2))[: len(corners) - 2]:
-            p, q, r = corners[a], corners[b], corners[c]
-            area = 0.5 * np.abs((q - p)[0] * (r - p)[1] - (q - p)[1] * (r - p)[0])
-            areas.append(area)
-            # a quadratic is integrated by the middles of the sides
-            middles = np.array([p + q, q + r, r + p]) / 2.0
-            moments.append(np.array([middles.mean(axis=0) * area, (middles**2).mean(axis=0) * area]))
-        ends.append(corners)
-    area = float(sum(each.sum() for each in areas))
-    first, second = (np.sum([each[k].sum(axis=-1) for each in moments], axis=0) for k in (0, 1))
-    about = second - first**2 / area
-    every = np.concatenate([corners.transpose(1, 0, 2).reshape(2, -1) for corners in ends], axis=1)
-    return Section(area, (float(about[1]), float(about[0])), every.min(axis=1), every.max(axis=1))
-
-
-def _between(points: Array, one: Ints, other: Ints, z: float) -> Array:
-    """Where edges cross a height, (2, e)."""
-    a, b = points[:, one], points[:, other]
-    share = (z - b[2]) / (a[2] - b[2])
-    return (b + share * (a - b))[:2]
+# sections across the beam that are looked at
+_ACROSS = 32
 
 
 def unlike(plan: Layout, mesh: BodyMesh) -> str:
     """Why a mesh is not the bot of a layout with pillars of a shape of their own; nothing if it is.
 
-    Its skeleton has the design's box; its muscle the junction's section, and rings of the design's height and, at the
-    machine's ends, thickness; all within 2 % (of the pillar's length, for the thickness). Where their rings lie its
-    pillars end along x no farther from the design's than a ring is thick, so that the junction is the design's.
+    Its skeleton has the design's box, and in it the beam: its volume, and no less in sections across it. Its muscle has
+    the junction's section, and rings of the design's height and, all round in the middle of it, thickness; all within
+    2 % (of the pillar's length, for the thickness). Where their rings lie its pillars end along x no farther from the
+    design's than a ring is thick, so that the junction is the design's.
     """
     middle = mesh.surfaces.get("junction_mid")
     if not (plan.pillars and plan.beam and plan.thin and middle is not None and set(mesh.regions) == set(plan.volumes)):
@@ -109,6 +49,8 @@ def unlike(plan: Layout, mesh: BodyMesh) -> str:
     slack = DETAIL * (high - low)
     if np.any(np.abs(gel.min(axis=1) - low) > slack) or np.any(np.abs(gel.max(axis=1) - high) > slack):
         return "its skeleton has another box"
+    if why := _other_beam(plan.beam, points, mesh.cells[:, mesh.regions["skeleton"]]):
+        return why
     ring, junction = _ring(plan), plan.thin[0]
     height = DETAIL * (ring.high[2] - ring.low[2])
     if abs(tissue[2].min() - ring.low[2]) > height or abs(tissue[2].max() - ring.high[2]) > height:
@@ -122,11 +64,67 @@ def unlike(plan: Layout, mesh: BodyMesh) -> str:
         ends.append(found)
     thick = ends[0].low[0] - tissue[0].min(), tissue[0].max() - ends[-1].high[0]
     if max(abs(each - thickness) for each in thick) > DETAIL * length:
-        return f"its rings are {thick[0]:.4g} and {thick[1]:.4g} mm thick at its ends"
+        return f"its rings are {thick[0]:.4g} and {thick[1]:.4g} mm thick at its ends, expected {thickness:.4g}"
+    if why := _other_rings(plan, mesh, thickness):
+        return why
     p, q, r = (points[:, row] for row in middle)
     area = 0.5 * float(np.linalg.norm(np.cross(q - p, r - p, axis=0), axis=0).sum())
     wanted = (junction.high[1] - junction.low[1]) * (junction.high[2] - junction.low[2])
-    return "" if abs(area - wanted) <= DETAIL * wanted else f"its junction has {area:.4g} mm^2 across"
+    if abs(area - wanted) > DETAIL * wanted:
+        return f"its junction has {area:.4g} mm^2 across, expected {wanted:.4g}"
+    return ""
+
+
+def _other_beam(beam: Box, points: Array, gel: Ints) -> str:
+    """Why the gel above the pillars is not the beam; nothing if it is. Of what stands below, sections have more."""
+    long, wide, high = (b - a for a, b in zip(beam.low, beam.high, strict=True))
+    for k in range(_ACROSS):
+        x = beam.low[0] + (k + 0.5) / _ACROSS * long
+        across = section(points[[1, 2, 0]], gel, x)
+        area = 0.0 if across is None else across.area
+        if area < (1.0 - DETAIL) * wide * high:
+            return f"its beam has {area:.4g} mm^2 across at x = {x:.3g} mm, expected {wide * high:.4g}"
+    volume = volume_above(points, gel, beam.low[2])
+    if abs(volume - beam.volume) > DETAIL * beam.volume:
+        return f"its beam has {volume:.4g} mm^3 above z = {beam.low[2]:.4g} mm, expected {beam.volume:.4g}"
+    return ""
+
+
+def _other_rings(plan: Layout, mesh: BodyMesh, thickness: float) -> str:
+    """Why rings are not as thick as the design's all round their pillars, in the middle of their height; else nothing.
+
+    Their outsides lie a thickness from the pillars, up to the diagonal of its square at corners; a ring of the design
+    about a pillar whose corners are rounded within 2 % of its section is as much farther there. A junction is where
+    it is wide.
+    """
+    ring, pillar, half = _ring(plan), plan.pillars[0], plan.thin[0].high[1]
+    z = 0.5 * (ring.low[2] + ring.high[2])
+    above = mesh.points[2] >= z
+    cut = np.flatnonzero(above[mesh.cells].any(axis=0) & ~above[mesh.cells].all(axis=0))
+    table = facets(mesh.cells[:, cut])
+    outside = table.elements[1] < 0
+    gel = np.isin(cut[table.elements[0]], mesh.regions["skeleton"])
+    bare, skin = (lines(mesh.points, table.triples[:, outside & some], z) for some in (gel, ~gel))
+    touching = lines(mesh.points, mesh.surfaces.get("interface", np.empty((3, 0), dtype=np.int64)), z)
+    free, joined = (float(np.linalg.norm(each[1] - each[0], axis=0).sum()) for each in (bare, touching))
+    if free > DETAIL * (free + joined):
+        return f"its rings touch {joined:.4g} of {free + joined:.4g} mm around its pillars at z = {z:.4g} mm"
+    length, width = (pillar.high[k] - pillar.low[k] for k in (0, 1))
+    slack = DETAIL * length
+    rounding = math.sqrt(DETAIL * length * width / (4.0 - math.pi))
+    most = math.sqrt(2.0) * thickness + (math.sqrt(2.0) - 1.0) * rounding + slack
+    places = skin.transpose(1, 0, 2).reshape(2, -1)
+    away = distances(touching, places)
+    middles = [0.5 * (p.low[0] + p.high[0]) for p in (plan.pillars[0], plan.pillars[-1])]
+    bay = (np.abs(places[1]) <= half * (1.0 + DETAIL)) & (middles[0] < places[0]) & (places[0] < middles[1])
+    wrong = (away < thickness - slack) | ((away > most) & ~bay)
+    if not wrong.any():
+        return ""
+    worst = int(np.argmax(np.where(wrong, np.abs(away - thickness), 0.0)))
+    x, y = places[:, worst]
+    return (
+        f"its muscle is {away[worst]:.3g} mm thick about its pillar at ({x:.3g}, {y:.3g}) mm, expected {thickness:.4g}"
+    )
 
 
 def check_shape(plan: Layout, mesh: BodyMesh) -> None:
@@ -135,16 +133,20 @@ def check_shape(plan: Layout, mesh: BodyMesh) -> None:
     Raises
     ------
     MeshError
-        Its volumes are not the design's within 2 %, and it is `unlike` it.
+        Its volumes, or its pillars, are not the design's within 2 %, and it is `unlike` it.
     """
     slack = {name: DETAIL * volume for name, volume in plan.volumes.items()}
+    own = bool(plan.pillars and plan.thin)
     try:
         check_volumes(mesh.region_volumes(), plan.volumes, slack)
     except MeshError as error:
-        if not (plan.pillars and plan.thin):
+        if not own:
             raise
         if why := unlike(plan, mesh):
             raise MeshError(f"{error}; nor is it the design's with pillars of their own: {why}") from None
+        return
+    if own and not _boxes(plan, mesh) and (why := unlike(plan, mesh)):
+        raise MeshError(f"the mesh is not that of the design with pillars of their own: {why}")
 
 
 def pillar_outlines(plan: Layout, mesh: BodyMesh) -> Array | None:
@@ -157,22 +159,17 @@ def pillar_outlines(plan: Layout, mesh: BodyMesh) -> Array | None:
     """
     if "interface" not in mesh.surfaces or not plan.thin:
         return None
-    ring = _ring(plan)
-    z = 0.5 * (ring.low[2] + ring.high[2])
-    found = _sections(plan, mesh, z)
-    if all(each is not None and _is_box(box, each) for _, box, each in found) or unlike(plan, mesh):
+    if _boxes(plan, mesh) or unlike(plan, mesh):
         return None
-    corners = mesh.surfaces["interface"]
-    above = mesh.points[2] >= z
-    count = above[corners].sum(axis=0)
-    lines = []
-    for up in (1, 2):
-        some = corners[:, count == up]
-        # the corner on a side of its own comes first
-        order = np.argsort(above[some] if up == 2 else ~above[some], axis=0, kind="stable")
-        some = np.take_along_axis(some, order, axis=0)
-        lines.append(np.array([_between(mesh.points, some[0], some[k], z) for k in (1, 2)]))
-    return np.concatenate(lines, axis=2)
+    ring = _ring(plan)
+    return lines(mesh.points, mesh.surfaces["interface"], 0.5 * (ring.low[2] + ring.high[2]))
+
+
+def _boxes(plan: Layout, mesh: BodyMesh) -> bool:
+    """Whether all pillars are the design's boxes where their rings lie."""
+    ring = _ring(plan)
+    found = _sections(plan, mesh, 0.5 * (ring.low[2] + ring.high[2]))
+    return all(each is not None and is_box(box, each) for _, box, each in found)
 
 
 def _ring(plan: Layout) -> Box:
@@ -180,10 +177,28 @@ def _ring(plan: Layout) -> Box:
     return next(box for box in plan.muscle if box not in plan.thin)
 
 
-def _is_box(box: Box, found: Section) -> bool:
-    """Whether a section is a design's rectangle but for details."""
-    wanted = (box.high[0] - box.low[0]) * (box.high[1] - box.low[1])
-    return abs(found.area - wanted) <= DETAIL * wanted
+class Cut(Protocol):
+    """What a section has, of a mesh or of a drawing: its area [mm^2], and its ends along x and y [mm]."""
+
+    @property
+    def area(self) -> float: ...
+    @property
+    def low(self) -> Array: ...
+    @property
+    def high(self) -> Array: ...
+
+
+def is_box(box: Box, found: Cut) -> bool:
+    """Whether a section is a design's rectangle but for details: its area, and where it ends along x and y."""
+    low, high = np.array(box.low[:2]), np.array(box.high[:2])
+    wanted, slack = float(np.prod(high - low)), DETAIL * (high - low)
+    there = np.all(np.abs(found.low - low) <= slack) and np.all(np.abs(found.high - high) <= slack)
+    return bool(there) and abs(found.area - wanted) <= DETAIL * wanted
+
+
+def sizes_told(found: Cut) -> str:
+    """Lengths along x and y, and area, in words."""
+    return "{:.4g} x {:.4g} mm and {:.4g} mm^2".format(*(found.high - found.low), found.area)
 
 
 def _sections(plan: Layout, mesh: BodyMesh, z: float) -> list[tuple[str, Box, Section | None]]:
@@ -205,18 +220,18 @@ def refuse_own_pillars(design: Design, mesh: BodyMesh) -> None:
     Raises
     ------
     MeshError
-        A pillar whose section differs by more than 2 %.
+        A pillar whose section or its ends differ by more than 2 %.
     """
     plan = layout(design)
     if not (plan.pillars and plan.muscle):
         return
     ring = _ring(plan)
     for name, box, found in _sections(plan, mesh, 0.5 * (ring.low[2] + ring.high[2])):
-        if found is None or not _is_box(box, found):
-            there = 0.0 if found is None else found.area
+        if found is None or not is_box(box, found):
+            there = "nothing" if found is None else sizes_told(found)
             raise MeshError(
-                f"pillar {name}: found {there:.4g} mm^2 at its ring, expected the design's box within 2 % for rods "
-                "beside the solid"
+                f"pillar {name}: found {there} at its ring, expected the design's box within 2 % for rods beside the "
+                "solid"
             )
 
 
@@ -227,7 +242,7 @@ def shape_notes(design: Design, mesh: BodyMesh) -> list[str]:
         return []
     ring, notes = _ring(plan), []
     for name, box, found in _sections(plan, mesh, 0.5 * (ring.low[2] + ring.high[2])):
-        if found is not None and not _is_box(box, found):
+        if found is not None and not is_box(box, found):
             notes.append(_section_note(name, box, found))
     height = min(box.high[2] - box.low[2] for box in plan.pillars)
     for name, box, found in _sections(plan, mesh, plan.pillars[0].high[2] - _BELOW * height):

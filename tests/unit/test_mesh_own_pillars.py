@@ -17,10 +17,11 @@ from fem_biobot.design import Design
 from fem_biobot.errors import DesignError, MeshError
 from fem_biobot.link.crosscheck import crosscheck
 from fem_biobot.mesh.body import BodyMesh
+from fem_biobot.mesh.cuts import section, volume_above
 from fem_biobot.mesh.foreign import fitted, import_mesh
 from fem_biobot.mesh.geometry import build_mesh
 from fem_biobot.mesh.layout import layout
-from fem_biobot.mesh.own_shape import pillar_outlines, refuse_own_pillars, section, shape_notes, unlike
+from fem_biobot.mesh.own_shape import pillar_outlines, refuse_own_pillars, shape_notes, unlike
 from fem_biobot.mesh.tagged import read_mesh, write_mesh
 from fem_biobot.muscle.fibres import fibre_field
 from fem_biobot.solid.from_design import tension_step
@@ -144,6 +145,91 @@ def test_fibres_run_round_a_round_pillar(machine: Machine) -> None:
     assert pillar_outlines(layout(machine.design), build_mesh(machine.design, 4.0)) is None
 
 
+def test_a_rectangle_of_the_boxes_area_is_followed(gmsh: Any, tmp_path: Path) -> None:
+    """3.0 x 4.083 mm in place of 3.5 x 3.5: the ring ends a thickness beyond it on all sides; the design's is refused.
+
+    Catches: pillars known by their areas alone, soles cut off where the design's box ends, rings beside the pillars
+    where volumes agree.
+    """
+    a, b = 1.5, 0.5 * 12.25 / 3.0
+
+    def pillars(occ: Any) -> list[tuple[int, int]]:
+        return [(3, occ.addBox(x - a, -b, z, 2 * a, 2 * b, 3.06 - z)) for x, z in ((-SIDE, 0.6), (SIDE, 0.0))]
+
+    def build(occ: Any) -> None:
+        standing(occ, *pillars(occ))
+
+    def rings(occ: Any) -> None:
+        parts = [
+            (3, occ.addBox(*box.low, *(high - low for low, high in zip(box.low, box.high, strict=True))))
+            for box in layout(bot()).muscle
+        ]
+        whole, _ = occ.fuse(parts[:1], parts[1:])
+        occ.cut(whole, pillars(occ))
+
+    file = drawn(gmsh, tmp_path / "a.step", build)
+    with pytest.raises(MeshError, match=r"own: its rings are 0\.75 and 0\.75 mm thick at its ends, expected 0\.5"):
+        import_mesh(bot(), file, muscle=drawn(gmsh, tmp_path / "b.step", rings), size=4.0)
+    mesh = import_mesh(bot(), file, size=4.0)
+    tissue, thick = mesh.points[:, mesh.region_vertices("muscle")], bot().muscle.ring_thickness  # type: ignore[union-attr]
+    assert tissue.max(axis=1)[:2] == pytest.approx((SIDE + a + thick, b + thick), abs=1e-3)
+    assert tissue.min(axis=1)[:2] == pytest.approx((-SIDE - a - thick, -b - thick), abs=1e-3)
+    assert pillar_outlines(layout(bot()), mesh) is not None
+    for foot in ("foot_short", "foot_long"):
+        assert area(mesh, foot) == pytest.approx(12.25, rel=1e-6)
+
+
+def ellipses(short: float) -> Callable[[Any], None]:
+    """Pillars of the box's area, elliptic, with this half axis along x."""
+
+    def build(occ: Any) -> None:
+        parts = []
+        for x, z in ((-SIDE, 0.6), (SIDE, 0.0)):
+            disk = [(2, occ.addDisk(x, 0, z, 12.25 / (math.pi * short), short))]
+            occ.rotate(disk, x, 0, z, 0, 0, 1, math.pi / 2)
+            parts += [e for e in occ.extrude(disk, 0, 0, 3.06 - z) if e[0] == 3]
+        standing(occ, *parts)
+
+    return build
+
+
+def test_curved_pillars_of_the_boxes_area_are_followed(gmsh: Any, tmp_path: Path) -> None:
+    """Ellipses, and circles wider than the box that are flush with the beam's ends.
+
+    Catches: sides of a pillar looked for in its box, sections known by their areas alone.
+    """
+    radius = math.sqrt(12.25 / math.pi)
+
+    def flush(occ: Any) -> None:
+        at = 7.0 - radius
+        standing(occ, *((3, occ.addCylinder(x, 0, z, 0, 0, 3.06 - z, radius)) for x, z in ((-at, 0.6), (at, 0.0))))
+
+    for build in (ellipses(1.7), flush):
+        mesh = import_mesh(bot(), drawn(gmsh, tmp_path / "a.step", build), size=4.0)
+        assert pillar_outlines(layout(bot()), mesh) is not None
+        for foot in ("foot_short", "foot_long"):
+            assert area(mesh, foot) == pytest.approx(12.25, rel=0.02)
+        for side in ("inner", "outer"):
+            assert {f"pillar_short_{side}", f"pillar_long_{side}"} <= set(mesh.surfaces)
+
+
+def test_the_volume_above_a_height_is_that_of_the_boxes_there() -> None:
+    """Of the committed bot's skeleton, at heights within the pillars, within the beam, under and above all.
+
+    Catches: corners counted as wedges, the part below taken for that above.
+    """
+    _, box = committed_bot()
+    gel = box.cells[:, box.regions["skeleton"]]
+    beam, pillar = 14.0 * 7.0, 3.5 * 7.0
+    for z, exact in (
+        (-1.0, beam * 0.68 + pillar * (2.46 + 3.06)),
+        (1.37, beam * 0.68 + 2.0 * pillar * (3.06 - 1.37)),
+        (3.4, beam * 0.34),
+        (9.0, 0.0),
+    ):
+        assert volume_above(box.points, gel, z) == pytest.approx(exact, rel=1e-9)
+
+
 def test_what_takes_boxes_is_told_with_numbers(machine: Machine) -> None:
     """Area and second moments of a circle beside those of the square; a box has nothing to tell.
 
@@ -233,19 +319,42 @@ def posts(occ: Any) -> None:
     standing(occ, *((3, occ.addCylinder(x, 0, z, 0, 0, 3.06 - z, 1.0)) for x, z in ((-SIDE, 0.6), (SIDE, 0.0))))
 
 
+def box_with(*cuts: tuple[float, ...]) -> Callable[[Any], None]:
+    """The design's skeleton without boxes of these corners and lengths."""
+
+    def build(occ: Any) -> None:
+        parts = [(3, occ.addBox(x - R, -R, z, 2 * R, 2 * R, 3.06 - z)) for x, z in ((-SIDE, 0.6), (SIDE, 0.0))]
+        whole, _ = occ.fuse([(3, occ.addBox(*BEAM))], parts)
+        occ.cut(whole, [(3, occ.addBox(*cut)) for cut in cuts])
+
+    return build
+
+
+waist = box_with((-2.5, -3.5, 3.06, 5, 2.5, 0.68), (-2.5, 1.0, 3.06, 5, 2.5, 0.68))
+cavities = box_with((-3.0, -3.0, 3.2, 2.5, 6, 0.4), (0.5, -3.0, 3.2, 2.5, 6, 0.4))
+# above the pillars, where sections across have these, too
+hidden = box_with((-6.5, -3.0, 3.2, 2.5, 6, 0.4), (4.0, -3.0, 3.2, 2.5, 6, 0.4))
+
+
 @pytest.mark.parametrize(
     ("build", "sets", "words"),
     [
         (hollow, (), r"a\.step: pillar short: found a hole in it at z = 1\.3 mm"),
         (legs, (), "pillar short: found 2 parts of the skeleton at z = 1.3 mm, expected the one"),
         (posts, (), r"nor is it the design's with pillars of their own: its pillar short reaches from x = -6\.2"),
+        (waist, (), r"own: its beam has 1\.36 mm\^2 across at x = -2\.4\d* mm, expected 4\.76"),
+        (cavities, (), r"its beam has 2\.36 mm\^2 across at x = -2\.8\d* mm, expected 4\.76"),
+        (hidden, (), r"its beam has 54\.64 mm\^3 above z = 3\.06 mm, expected 66\.64"),
+        (ellipses(1.75), (), r"a\.step: found 80\.1\d* of the skeleton's 134\.3 mm\^3 after it was cut"),
         (round_pillars, ("skeleton.beam_length=15 mm",), "but that of the design is 15 x 7 x 3.74 mm"),
     ],
 )
 def test_what_no_ring_goes_round_is_refused(
     gmsh: Any, tmp_path: Path, build: Callable[[Any], object], sets: tuple[str, ...], words: str
 ) -> None:
-    """Catches: tissue in a hole, one ring of two legs, posts with the junction beside them, another machine."""
+    """Catches: tissue in a hole, one ring of two legs, posts with the junction beside them, another machine, a beam
+    that is narrowed or hollow, half a machine.
+    """
     file = drawn(gmsh, tmp_path / "a.step", build)
     with pytest.raises(MeshError, match=words) as told:
         import_mesh(bot(*sets), file, size=4.0)
@@ -273,7 +382,7 @@ def test_a_loop_follows_boxes_alone(gmsh: Any, tmp_path: Path) -> None:
 
 def test_rods_are_not_set_beside_round_pillars(machine: Machine) -> None:
     """Catches: an error of the pillar's corners, which are not there, in place of the reason."""
-    with pytest.raises(MeshError, match=r"pillar short: found 9\.5.* mm\^2 at its ring, expected the design's box"):
+    with pytest.raises(MeshError, match=r"short: found 3\.4\d* x 3\.4\d* mm and 9\.53 mm\^2 at its ring, expected"):
         crosscheck(machine.design, machine.mesh)
     refuse_own_pillars(*committed_bot())
 
@@ -292,6 +401,31 @@ def test_a_mesh_of_another_machine_is_refused_with_the_reason(machine: Machine, 
     ):
         with pytest.raises(MeshError, match=words):
             read_mesh(tmp_path / "a.msh", design=bot(key))
+
+
+def test_rings_are_looked_at_all_round(machine: Machine) -> None:
+    """A muscle that is thicker or thinner beside its pillars, or leaves a part of them free, is not the design's.
+
+    Catches: rings known by their ends along x, tissue on one side taken for a ring.
+    """
+    plan, mesh = layout(machine.design), machine.mesh
+    assert unlike(plan, mesh) == ""
+    alone = np.setdiff1d(mesh.region_vertices("muscle"), mesh.region_vertices("skeleton"))
+    beside = alone[np.abs(mesh.points[1, alone]) > R + 0.1]
+    for factor, words in ((1.4, "mm thick about its pillar at"), (0.9, "mm thick about its pillar at")):
+        points = mesh.points.copy()
+        points[1, beside] *= factor
+        moved = BodyMesh(points, mesh.cells, mesh.regions, mesh.surfaces, mesh.landmarks, mesh.source)
+        assert words in unlike(plan, moved)
+    tissue = np.zeros(mesh.n_elements, dtype=bool)
+    tissue[mesh.regions["muscle"]] = True
+    kept = ~(tissue & (mesh.points[1, mesh.cells].mean(axis=0) > 1.1))
+    cells, left = mesh.cells[:, kept], tissue[kept]
+    there = np.isin(mesh.surfaces["interface"], cells[:, left]).all(axis=0)
+    surfaces = {**mesh.surfaces, "interface": mesh.surfaces["interface"][:, there]}
+    regions = {"skeleton": np.flatnonzero(~left), "muscle": np.flatnonzero(left)}
+    half = BodyMesh(mesh.points, cells, regions, surfaces, mesh.landmarks, mesh.source)
+    assert "mm around its pillars at z = 1.3 mm" in unlike(plan, half)
 
 
 def test_the_commands_tell_of_round_pillars(

@@ -173,6 +173,24 @@ def test_block_sticks_below_the_cone_and_slides_at_its_edge() -> None:
     assert {STICK, SLIP} == set(states[-1].touch.state) - {LIFTED}
 
 
+def test_slip_that_turns_back_is_followed() -> None:
+    """Pulled one way and then the other below the edge of sliding, a block whose foremost places slip is solved.
+
+    Iterations that go half of the way where they go back and forth do not end here. Catches: half of the way tried
+    before the whole one.
+    """
+    sides = [Fix("z0"), Fix("y0", "y"), Fix("y1", "y")]
+    laws = {"skeleton": NeoHooke(50.0, 0.3), "muscle": NeoHooke(10.0, 0.3)}
+    loads = [Traction("z1", (0.314, 0.0, 0.0), name="pull"), Traction("z1", (0.0, 0.0, -1.3), name="press")]
+    sliding = Sliding(friction=0.34, axis=(0.0, 1.0, 0.0))
+    model = SolidModel(unbonded(stack((2, 1, 2))), laws, {}, sides, loads, "P1", sliding=sliding)
+    states = solve(model, [Step(1.0, loads={"pull": pull}) for pull in (0.0, 1.0, -0.5)]).states
+    assert states[1].touch is not None
+    assert SLIP in states[1].touch.state
+    for state, pull in zip(states, (0.0, 1.0, -0.5), strict=True):
+        np.testing.assert_allclose(total(state)[[0, 2]], [-0.314 * 1.2 * pull, 1.3 * 1.2], atol=1e-7)
+
+
 def test_bad_records_are_refused() -> None:
     """Friction below zero, an axis without direction, surfaces that share nodes or do not touch.
 

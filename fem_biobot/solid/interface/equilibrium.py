@@ -30,22 +30,27 @@ from fem_biobot.solid.system import InvertedError, Points, System
 _ROUNDING = 1e-14
 # steadies iterations in proportion to what is still missed
 _CALM = 0.1
-# an iteration of the last pace that misses as much as the one before the last, to this share, goes back and forth
-# across a kink of Coulomb's law, such as slip that turns back: half of the way lies nearer to it
+# an iteration that misses as much as the one before the last, to this share, goes back and forth across a kink of
+# Coulomb's law, such as slip that turns back: half of the way lies nearer to it. Elsewhere it keeps iterations from
+# ending that would: only the last pace does it
 _CYCLE = 1e-3
 # searches for opposite points in a step
 _PAIRINGS = 8
 
 
 class Pace(NamedTuple):
-    """How bold an iteration is: by which factor it is steadied less as long as it gets on, and how long it may take."""
+    """How bold an iteration is: by which factor it is steadied less as long as it gets on, and how long it may take.
+
+    `halves` where it goes half of the way once it goes back and forth.
+    """
 
     ease: float
     iterations: int
+    halves: bool = False
 
 
-# the second is for steps that the first does not end
-_PACES = (Pace(0.3, 30), Pace(1.0, 60))
+# each is for steps that those before do not end
+_PACES = (Pace(0.3, 30), Pace(1.0, 60), Pace(1.0, 60, halves=True))
 
 
 class Slide(Joint):
@@ -173,7 +178,7 @@ class Slide(Joint):
                 free[held.dofs] = 0.0
             system.block(data)
             earlier, before, missed = before, missed, max(norm / scale if scale else 0.0, worst / self.element)
-            back = pace is _PACES[-1] and abs(missed - earlier) < _CYCLE * earlier
+            back = pace.halves and abs(missed - earlier) < _CYCLE * earlier
             way = 0.5 if back and not lifting else 1.0
             caution = caution * pace.ease if missed < before else min(1.0, caution / pace.ease**2)
             calm = _CALM * caution * missed

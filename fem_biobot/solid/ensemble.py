@@ -15,7 +15,6 @@ from fem_biobot.solid.dynamics.body import MovingBody
 from fem_biobot.solid.dynamics.book import begun
 from fem_biobot.solid.dynamics.contact import untouched
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint
-from fem_biobot.solid.dynamics.step import State
 from fem_biobot.solid.gait import SolidWalk
 from fem_biobot.solid.standing import Standing, stand
 from fem_biobot.solid.walk import refuse_unwalkable, solid_ground, solid_walk, walking_body
@@ -29,7 +28,7 @@ def nudged(body: MovingBody, standing: Standing, nudge: Nudge, generator: np.ran
     centre = body.node_mass @ x / body.total_mass
     v = velocity + np.cross(spin, x - centre)
     u = still.u + lift
-    state = State(u, v, np.zeros_like(v), untouched(len(still.touch.state)), still.p)
+    state = still._replace(u=u, v=v, change=np.zeros_like(v), touch=untouched(len(still.touch.state)))
     return SolidCheckpoint(state, begun(body, u, v, still.p), 0.0)
 
 

@@ -231,6 +231,7 @@ class SolidWalk(Strokes):
     def summary(self) -> dict[str, Any]:
         """Every number with its unit in its key; None where a walk is too short for it."""
         work = {name: mean(self._per_stroke(self.motion.energy(name))[self.kept]) for name in _WORKS}
+        rings = {"work_rings_friction_uJ": -work["rubbing"], "work_rings_normal_uJ": -work["pressing"]}
         sagitta, pillar = self.sagitta_stroke_mm, self.work_pillar_uJ
         found: dict[str, Any] = {
             "model": "solid",
@@ -257,7 +258,7 @@ class SolidWalk(Strokes):
             "work_viscous_uJ": -work["viscous"],
             "work_drag_uJ": -work["drag"],
             "work_integrator_uJ": -work["integrator"],
-            **({"work_rings_friction_uJ": -work["rubbing"]} if self.motion.between else {}),
+            **(rings if self.motion.between else {}),
             "duration_s": float(self.times[-1] - self.times[0]),
             "settling_time_s": self.start.time,
             "step_s": self.step,
@@ -277,4 +278,4 @@ class SolidWalk(Strokes):
         return plain(found)
 
 
-_WORKS = ("muscle", "friction", "viscous", "drag", "integrator", "rubbing")
+_WORKS = ("muscle", "friction", "viscous", "drag", "integrator", "rubbing", "pressing")

@@ -15,6 +15,7 @@ import numpy as np
 
 from fem_biobot.config import digest
 from fem_biobot.design import Design
+from fem_biobot.design_checks import refuse_unbonded
 from fem_biobot.errors import DesignError
 from fem_biobot.link.expected import expect
 from fem_biobot.link.stroke import MEASURES, StrokeLaw, stroke_law
@@ -84,6 +85,7 @@ def walk_with_stroke(
     if plan.amplitude is None:
         raise DesignError("--amplitude: found paper together with the stroke of the solid, expected a number")
     design = design.with_values({"drive.amplitude": plan.amplitude})
+    refuse_unbonded(design, "give its rods its stroke")
     expect(design)  # refuses other machines
     identity = {"kind": "walk", "design_digest": digest(design), "mesh": mesh_identity(mesh_file)}
     folder = ResultFolder(out, {**identity, "walk": f"{plan.text}, with the stroke of the solid"})

@@ -35,6 +35,8 @@ def test_the_study_shows_what_it_found(tmp_path: Path) -> None:
 def test_what_the_study_expects_can_fail() -> None:
     """A book that stays open, friction that gives, rings that rub though bonded, or do not slide, or pull as bonded.
 
+    At level full also loose ones that go on walking, or never do.
+
     Catches: a limit that is never compared.
     """
     module = study("loose_rings_walk")
@@ -49,4 +51,13 @@ def test_what_the_study_expects_can_fail() -> None:
     ):
         found = copy.deepcopy(smoke("loose_rings_walk"))
         found.rows[row].update(change)
+        refuses(lambda found=found: module.expect(found), word)
+    for change, word in (
+        ({"stroke_mm": 0.2 * smoke("loose_rings_walk").rows[0]["stroke_mm"]}, "after the first, stroke"),
+        ({"stroke_mm": 1e-3, "step_mm": -2e-3}, "still walks"),
+        ({"stroke_mm": 1e-3, "step_mm": 0.0, "first_step_mm": 0.0}, "first step"),
+    ):
+        found = copy.deepcopy(smoke("loose_rings_walk"))
+        found.level = "full"
+        found.rows[1].update(change)
         refuses(lambda found=found: module.expect(found), word)

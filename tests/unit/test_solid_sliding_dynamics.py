@@ -9,17 +9,21 @@ import numpy as np
 import pytest
 
 from fem_biobot import BodyMesh, Fix, SolidModel, SolidMotion, Traction, solve
+from fem_biobot.ensembles import Nudge, generator_of
 from fem_biobot.errors import ModelError, SolveError
+from fem_biobot.friction.ground import Ground
 from fem_biobot.material.neo_hooke import NeoHooke
 from fem_biobot.solid.dynamics.body import moving_body
 from fem_biobot.solid.dynamics.integrate import rigid_velocity, solid_dynamics
 from fem_biobot.solid.dynamics.motion import SolidCheckpoint, joined
 from fem_biobot.solid.dynamics.settings import DynamicsSettings, Scheme
 from fem_biobot.solid.dynamics.sliding import SlidingStepper
+from fem_biobot.solid.ensemble import nudged
 from fem_biobot.solid.interface.record import Sliding
 from fem_biobot.solid.interface.state import LIFTED, SLIP, STICK
 from fem_biobot.solid.newton import NewtonSettings
 from fem_biobot.solid.records import Support
+from fem_biobot.solid.standing import Standing
 from tests.helpers import box_mesh
 
 G = 9810.0
@@ -178,6 +182,62 @@ def test_a_free_pair_keeps_its_momentum(friction: float) -> None:
     assert most < 0.05 * scale
 
 
+@pytest.mark.parametrize("scheme", [EULER, SOFT])
+def test_a_pair_on_the_ground_has_the_momentum_of_its_forces(scheme: Scheme) -> None:
+    """Thrown onto the ground, both blocks slide: what their momentum changes by is weight and forces of the foot.
+
+    The upper one is faster and drags the lower. All forces are balanced to 1e-11 of the largest in a step, of about
+    1 mN, at some hundred unknowns; the weight is 0.04 mN. Catches: forces of the ground or between parts on one side
+    only or of another instant, friction of one entered with the other's.
+    """
+    model, h = blocks(0.3, Fix("under")), 5e-4
+    v = np.zeros_like(model.system.space.points)
+    v[:] = np.array([[20.0], [3.0], [-2.0]])
+    v[0, np.unique(model.system.space.nodes[:, model.mesh.regions["slider"]])] += 40.0
+    motion = solid_dynamics(
+        model, 40 * h, h, densities=DENSITY, free=True, velocity=v, damping_time=1e-3, gravity=(0.0, 0.0, -G),
+        ground=Ground(0.05, 0.02), feet=["under"], settings=DynamicsSettings(scheme, tolerance=1e-11),
+    )  # fmt: skip
+    assert motion.ground is not None
+    weight, foot = motion.body.weight.sum(axis=0), motion.foot_force(0) @ motion.ground.axes
+    changed = np.diff(motion.momentum, axis=0) / np.diff(motion.times)[:, None]
+    np.testing.assert_allclose(changed, weight + foot[1:], atol=1e-7 * float(np.linalg.norm(weight)))
+    rubbed, dragged = motion.energy("rubbing")[-1], motion.energy("friction")[-1]
+    assert rubbed < -1e-5
+    assert dragged < -1e-5
+    assert np.abs(motion.energy_error).max() < 1e-7 * abs(rubbed + dragged)
+
+
+def test_blocks_without_any_force_stay_at_rest() -> None:
+    """No weight, no motion, nothing pressed: a step ends where it began, as of bonded bodies.
+
+    Catches: a share of no forces, a residual that is then no number.
+    """
+    motion = solid_dynamics(blocks(0.3, Fix("under")), 3e-3, 1e-3, densities=DENSITY)
+    assert motion.halved == 0
+    assert np.abs(motion.u).max() == 0.0
+    assert motion.largest_residual == 0.0
+
+
+def test_a_nudged_start_keeps_what_is_between_the_parts() -> None:
+    """Tractions and places of slip stay; the pair goes on from it with the velocity it was given.
+
+    Catches: a start of bonded parts, refused as the checkpoint of another body.
+    """
+    motion = on_slope(0.1, 0.3, 2e-3)
+    still = motion.final.state
+    start = nudged(motion.body, Standing(motion.final, 0.0, 0.0, 0.0), Nudge(0.03, 1.3, 0.7), generator_of(3, 0))
+    assert start.state.between is still.between
+    assert np.abs(still.change).max() > 0.0
+    assert np.abs(start.state.change).max() == 0.0
+    # supports take the lower block back; the start alone is asked for here
+    assert np.ptp(start.state.u - still.u, axis=0).max() < 1e-12
+    assert np.abs(start.state.u - still.u).max() > 1e-4
+    free = solid_dynamics(blocks(0.3, Fix("under")), 1e-3, 1e-3, densities=DENSITY, free=True, start=start)
+    moved = motion.body.momentum_of(start.state.v).sum(axis=0)
+    np.testing.assert_allclose(free.momentum[-1], moved, atol=1e-7 * float(np.linalg.norm(moved)))
+
+
 def test_a_damped_pair_settles_where_the_static_solver_has_it() -> None:
     """Pressed and held on its lid, without friction, the upper block ends as the static contact solution.
 
@@ -235,3 +295,29 @@ def test_a_step_that_parts_do_not_end_is_halved_and_told() -> None:
     """
     with pytest.raises(SolveError, match="no convergence of parts that slide on each other"):
         on_slope(0.5, 0.3, 1e-3, settings=DynamicsSettings(max_iterations=1, halvings=0))
+
+
+@pytest.mark.parametrize("bad", [1, 5])
+def test_a_change_that_gives_no_number_is_shortened(bad: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the whole change misses by no number, half of it is taken; where all parts of it do, the step is given up.
+
+    Catches: no number taken for the best, since nothing is smaller.
+    """
+    whole = SlidingStepper._trial
+    told: list[int] = []
+
+    def trial(stepper: SlidingStepper, *given: Any) -> Any:
+        told.append(0)
+        found = whole(stepper, *given)
+        # the first is where the iteration begins
+        return found._replace(off=np.nan) if 1 < len(told) <= 1 + bad else found
+
+    monkeypatch.setattr(SlidingStepper, "_trial", trial)
+    settings = DynamicsSettings(halvings=0)
+    if bad == 5:
+        with pytest.raises(SolveError, match="not a number"):
+            on_slope(0.5, 0.3, 1e-3, settings=settings)
+        return
+    motion = on_slope(0.5, 0.3, 1e-3, settings=settings)
+    assert motion.steps == 1
+    assert motion.largest_residual <= settings.tolerance

@@ -95,9 +95,9 @@ def test_both_walks_stand_in_one_result(law: StrokeLaw, tmp_path: Path) -> None:
 
 
 def test_options_that_do_not_go_with_a_stroke_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Another model, a word that is none, forces of the paper, a machine of another kind: one line, nothing written.
+    """Another model, no word, forces of the paper, loose rings, another kind of machine: one line, nothing written.
 
-    Catches: an option that is read and not used.
+    Catches: an option that is read and not used, a stroke of loose rings given to rods that keep them bonded.
     """
     out = str(tmp_path / "out")
     for options, word in (
@@ -108,6 +108,9 @@ def test_options_that_do_not_go_with_a_stroke_are_refused(tmp_path: Path, capsys
         assert word in capsys.readouterr().err
     with pytest.raises(DesignError, match="--amplitude"):
         walk_with_stroke(DESIGN, tmp_path / "out", WalkPlan((4.0,), 0.5, None))
+    loose = DESIGN.with_values({"muscle.attachment": "contact", "muscle.pillar_friction": 0.3})
+    with pytest.raises(DesignError, match=r"muscle.attachment: found contact, expected bonded to give its rods"):
+        walk_with_stroke(loose, tmp_path / "out", WalkPlan((4.0,), 0.5, 1.0))
     with pytest.raises(ModelError, match="two pillars"):
         walk_with_stroke(load_design("strip"), tmp_path / "out", WalkPlan((4.0,), 0.5, 1.0))
     assert not (tmp_path / "out").exists()

@@ -181,7 +181,7 @@ class SlidingStepper(Stepper):
         unbalanced[held] = 0.0
         at = At(u, state.p, forces._replace(unbalanced=unbalanced, reaction=forces.reaction - across[held]), pushed)
         miss, slope, states = self.joint.law(terms, traction, pairing, self._stiffness)
-        off = max(at.norm / at.forces.scale, float(np.abs(miss).max(initial=0.0)) / self.joint.element)
+        off = max(_share(at), float(np.abs(miss).max(initial=0.0)) / self.joint.element)
         return _Trial(at, traction, pairing, terms, miss, slope, states, off)
 
     def _change(self, now: _Trial, last: _Trial | None, interval: Interval, footing: _Footing) -> _Change:
@@ -228,6 +228,10 @@ class SlidingStepper(Stepper):
             except (InvertedError, StepFailedError) as error:
                 failure = error
                 continue
+            if not np.isfinite(there.off):
+                # it would never be the worse of two
+                failure = StepFailedError("the residual is not a number", Why.no_number)
+                continue
             if best is None or there.off < best[0].off:
                 best = there, float(share)
             if there.off < worst or self._holds(there):
@@ -251,10 +255,16 @@ class SlidingStepper(Stepper):
             return StepFailedError("the contact problem was not solved", Why.iterations)
         at = now.at
         text = (
-            f"no convergence of parts that slide on each other (residual {at.norm / at.forces.scale:.2g} of the "
+            f"no convergence of parts that slide on each other (residual {_share(at):.2g} of the "
             f"forces, contact missed by {now.missed:.2g} mm)"
         )
         return StepFailedError(text, Why.iterations, element=self.body.system.loudest(at.forces.unbalanced - at.pushed))
+
+
+def _share(at: At) -> float:
+    """Norm of the unbalanced forces over their scale, nothing where there are no forces at all [1]."""
+    scale = at.forces.scale
+    return at.norm / scale if scale else 0.0
 
 
 def _same(one: Pairing, other: Pairing) -> bool:

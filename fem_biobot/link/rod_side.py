@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fem_biobot.design import Design
-from fem_biobot.errors import SolveError
+from fem_biobot.errors import ModelError, SolveError
 from fem_biobot.link.modes import Motions
 from fem_biobot.link.observed import Array, Observed, Points, drawn_points, observed, parts_of_energy, rotation
 from fem_biobot.rod.anatomy import anatomy
@@ -45,6 +45,11 @@ class RodSide:
         drawn = drawn_points(self.design)
         rod = self.model.rods[0].name
         nodes, frames = state.points(rod), state.directors(rod)
+        if len(nodes) != len(drawn.upper):
+            raise ModelError(
+                f"rods: found a beam of {len(nodes) - 1} elements, expected the {len(drawn.upper) - 1} between the "
+                "sections that are observed (beam_elements)"
+            )
         rest = self.model.drawn()
         # offset of the points in the frame of their section as drawn
         own = np.einsum("sij,sj->si", rest.directors(rod), drawn.upper - rest.points(rod))

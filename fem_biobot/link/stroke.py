@@ -15,6 +15,7 @@ from scipy.interpolate import PchipInterpolator
 
 from fem_biobot.design import Design
 from fem_biobot.errors import ModelError
+from fem_biobot.link.closing import tensions_at
 from fem_biobot.link.observed import Array, Observed
 from fem_biobot.link.rod_side import RodSide
 from fem_biobot.link.solid_side import SolidSide
@@ -111,7 +112,7 @@ def stroke_law(design: Design, mesh: BodyMesh, reporter: Reporter | None = None)
             f"stroke: found a solid that closes by {closing[-1]:.3g} mm, expected at most the "
             f"{own[-1].numbers[MEASURES[0]]:.3g} mm of its rods at {own[-1].tension:.3g} kPa"
         )
-    ends = [_inverse(rods[MEASURES[0]], float(c), own[-1].tension) for c in (closing[0], closing[-1])]
+    ends = [tensions_at(rods[MEASURES[0]], float(c))[0] if c > 0.0 else 0.0 for c in (closing[0], closing[-1])]
     adapted = ends[0] + (ends[1] - ends[0]) * drives / amplitude
     factor = ends[0] / tensions[0] if tensions[0] > 0.0 else 1.0
     values = {
@@ -127,11 +128,3 @@ def _curves(states: list[Observed]) -> dict[str, PchipInterpolator]:
     """Measures by tension, from none on."""
     T = [0.0, *(s.tension for s in states)]
     return {name: PchipInterpolator(T, [0.0, *(s.numbers[name] for s in states)]) for name in MEASURES}
-
-
-def _inverse(curve: PchipInterpolator, value: float, top: float) -> float:
-    """Tension at which a rising curve has a value [kPa]."""
-    if value <= 0.0:
-        return 0.0
-    roots = [float(r) for r in curve.solve(value, extrapolate=False) if 0.0 < r <= top]
-    return min(roots)

@@ -238,6 +238,11 @@ def expect(study: Study, level: str) -> None:
     far, short = float(steps(study, SOLID).max()), float(steps(study, RODS).min())
     assert far < short, f"the solid steps up to {far:.3g} mm, its rods {short:.3g} mm at least"
     if level == "full":
+        own = [row for row in study.gaits if (row["machine"], row["friction"]) == (SOLID, "0.42 / 0.3")]
+        assert len(own) == 1, f"the solid has {len(own)} gaits, expected one"
+        assert own[0]["step_mm"] > 0.0, f"the solid's gait steps {own[0]['step_mm']:.3g} mm, expected a step forward"
+        ratio = steps(study, SOLID, key="stroke_mm").mean() / steps(study, RODS, key="stroke_mm").mean()
+        assert abs(ratio - 1.0) < 0.03, f"the solid's stroke is {ratio:.3f} times that of its rods"
         same = steps(study, SOLID, EQUAL).mean() / steps(study, RODS, EQUAL).mean()
         assert abs(same - 1.0) < 0.1, f"one coefficient: the solid steps {same:.2f} times as far as its rods"
 

@@ -356,7 +356,8 @@ def test_the_scripts_of_the_readme_run(number: int, tmp_path: Path) -> None:
     if number == 0:
         speeds = [float(x) for x in re.findall(r"step, ([-0-9.]+) mm/s", done.stdout)]
         assert len(speeds) == 3
-        assert speeds[1] > speeds[0] > 0.0
+        # at 4 Hz most starts go backward, the one at rest among them
+        assert speeds[2] < 0.0 < speeds[0] < speeds[1]
     elif number == 1:
         assert len(pv.get_reader(str(tmp_path / "states.pvd")).time_values) == 4
         forces = [float(x) for x in re.findall(r"kPa: ([0-9.]+) mN", done.stdout)]

@@ -512,7 +512,7 @@ def write(study: Study, folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--level", choices=tuple(LEVELS), default="full")
     parser.add_argument("--out", type=Path, default=Path("runs") / "studies" / "gait_accuracy")
     options = parser.parse_args()

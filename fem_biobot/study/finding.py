@@ -14,7 +14,8 @@ from typing import Any
 
 from fem_biobot.config import digest
 from fem_biobot.design import Design
-from fem_biobot.study.folder import ResultFolder, write_design
+from fem_biobot.files import write_json
+from fem_biobot.study.folder import SUMMARY, ResultFolder, write_design
 from fem_biobot.study.outputs import figures_folder, tables_folder, write_table
 from fem_biobot.study.provenance import appendix
 from fem_biobot.study.reporter import Reporter, Silent
@@ -44,6 +45,8 @@ class Finding:
         Lines below the tables.
     views
         Interactive views for the report.
+    complete
+        Whether all was done; if not, the next run of the same goes on.
     """
 
     numbers: Mapping[str, Any]
@@ -53,6 +56,7 @@ class Finding:
     notes: Sequence[str] = ()
     remarks: Sequence[str] = ()
     views: Sequence[Moving | Piece] = ()
+    complete: bool = True
 
 
 Work = Callable[[Design, Path], Finding]
@@ -119,7 +123,7 @@ def examine(
     finding = work(design, figures_folder(out))
     write_series(out, finding)
     summary = {
-        "complete": True,
+        "complete": finding.complete,
         "job": job,
         "design_digest": job["design_digest"],
         "design": design.name,
@@ -140,7 +144,10 @@ def examine(
         appendix=appendix(design),
         title=f"{design.name}: {job['kind']}",
     )
-    folder.close(summary)
+    if finding.complete:
+        folder.close(summary)
+    else:
+        write_json(out / SUMMARY, summary)
     return summary
 
 

@@ -80,7 +80,8 @@ class Shared:
     neighbour
         Folder of the result at whose states this one begins; None for one that begins from the undeformed body.
     sharp
-        Whether searches end only where their tolerance is that of the states, so that where they begin cannot be seen.
+        Whether solves of the sweep begin at neighbours: states are kept for others then, and searches end only where
+        their tolerance is that of the states, so that where they begin cannot be seen.
     """
 
     meshes: Path

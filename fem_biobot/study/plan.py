@@ -248,30 +248,49 @@ class Solver:
             self.seen.append((state.step.tension * tension_unit(self.design), self.measurer.muscle_force(state)))
 
     def _meet_force(self, force: float) -> SolidState:
-        """State with a given muscle force, by interpolating the tension; work of all trials is counted in it."""
-        before = self.solver.counts.copy()
+        """State with a given muscle force, by interpolating the tension; work of all trials is counted in it.
+
+        Where the neighbour leads nowhere it is met without it.
+        """
+        before, guide, known = self.solver.counts.copy(), self.guide, (self.history, list(self.seen))
+        try:
+            return self._worked(self._met(force), before)
+        except SolveError:
+            if guide is None:
+                raise
+        (self.history, self.seen), self.guide = known, None
+        try:
+            return self._worked(self._met(force), before)
+        finally:
+            self.guide = guide
+
+    def _met(self, force: float) -> SolidState:
+        """State with a given muscle force after at most eight tensions."""
         trial = replace(self.settings, check_stability=False)
         for _ in range(8):
             state = self._reach(self._step(self._tension_guess(force)), trial)
             self._remember(state)
             if abs(self.seen[-1][1] - force) <= _FORCE_TOLERANCE * force:
                 self._go(state.step, [state])  # the state itself, with its stability checked
-                return self._worked(state, before)
+                return state
         raise SolveError(
             f"muscle force of {force:g} mN: not met in 8 tensions, the last gave {self.seen[-1][1]:.4g} mN"
         )
 
     def _tension_guess(self, force: float) -> float:
         """Tension at which the force is expected: by the neighbour, or through the three states nearest in force."""
+        least = 0.2 * force / self.design.junction_section
+        first = force / self.design.junction_section * (1.0 + self._tissue_over_skeleton())
         if self.guide is not None and (guess := self.guide.tension(force, self.seen)) is not None:
-            return guess
+            # a neighbour may be far off: no farther than what is known here lets an own guess go
+            return float(np.clip(guess, least, 2.0 * max(first, *(t for t, _ in self.seen))))
         points = sorted({(round(f, 12), t) for t, f in self.seen})
         if len(points) == 1:
-            return force / self.design.junction_section * (1.0 + self._tissue_over_skeleton())
+            return first
         nearest = sorted(points, key=lambda p: abs(p[0] - force))[:3]
         f, t = np.array(nearest).T
         weights = [np.prod([(force - f[j]) / (f[i] - f[j]) for j in range(len(f)) if j != i]) for i in range(len(f))]
-        return float(np.clip(weights @ t, 0.2 * force / self.design.junction_section, 2.0 * max(t.max(), 1e-9)))
+        return float(np.clip(weights @ t, least, 2.0 * max(t.max(), 1e-9)))
 
     def _tissue_over_skeleton(self) -> float:
         """Stiffness of the junction's tissue over that of the skeleton at the muscle, in linear theory [1].

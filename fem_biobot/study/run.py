@@ -80,7 +80,7 @@ def run(
     walks
         Whether a complete job of a bot includes walking, at the frequencies and with the forces of the paper.
     shared
-        What a case of a sweep shares with others; its states are kept for them.
+        What a case of a sweep shares with others; its states are kept for them where these begin at neighbours.
     reporter
         Told of stages, states, iterations and notes.
 
@@ -191,7 +191,7 @@ class _Job:
             shown = self._timed("views", self._views)
             outputs.write_run_report(self.folder.path, summary, self.figures, self.design, more, shown)
             self.reporter.advance("report")
-        if self.shared is not None:
+        if self.shared is not None and self.shared.sharp:
             keep_states(self.folder.path, self.found, self.design)
         self.folder.close(summary)
         return summary

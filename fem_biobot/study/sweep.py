@@ -5,9 +5,10 @@ ended, and also where its file has grown since; the table is made anew from the 
 
 Cases share meshes, and solves begin at the states of a case near by. Which one that is follows from the sweep's file
 alone (`sweep_forest`), and a case waits for it: rows do not tell who did them or in which order they ended. A case
-whose neighbour failed begins from the undeformed body. In a folder that holds finished cases already, new ones begin at
-those that the present file says; their rows agree with those of the whole file done at once within the tolerance of
-states.
+whose neighbour failed begins from the undeformed body; where that failure says nothing about the design (no memory, a
+worker that died), both are left to the next run. Rows that were made with another start are done again. In a folder
+that holds finished cases already, new ones begin at those that the present file says; their rows agree with those of
+the whole file done at once within the tolerance of states.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from fem_biobot.study.finding import Finding, examine
 from fem_biobot.study.neighbour import kept_states
 from fem_biobot.study.outputs import tables_folder, write_table
 from fem_biobot.study.reporter import Reporter, Silent
-from fem_biobot.study.sweep_case import CaseOrder, MeshOrder, failed_row, kept_row, needs_mesh
+from fem_biobot.study.sweep_case import CaseOrder, MeshOrder, begun_as, failed_row, kept_row, needs_mesh
 from fem_biobot.study.sweep_file import Case, Start, SweepPlan, Task
 from fem_biobot.study.sweep_findings import sweep_finding, sweep_rows
 from fem_biobot.study.sweep_forest import Forest, forest
@@ -34,6 +35,9 @@ from fem_biobot.study.sweep_runner import LocalRunner, Runner
 
 Rows = dict[str, dict[str, Any]]
 MakeRunner = Callable[[Path], Runner]
+
+# more cases than this have to wait for their neighbours to be found: time goes with the square of their number
+_MANY = 2_000
 
 
 def sweep(
@@ -106,12 +110,20 @@ def _carry_out(plan: SweepPlan, cases: Path, meshes: Path, make: MakeRunner, rep
     """Rows of all cases by key: those kept from before, and those that the runner brings."""
     rows: Rows = {}
     numbers: dict[str, int] = {}
+    elsewhere = 0
     for case in plan.cases:
         if case.key in numbers:  # the same design once more
             continue
         numbers[case.key] = case.number
-        if (row := _known(case, cases)) is not None:
+        row = _known(case, cases)
+        if row is not None and case.design is not None and begun_as(row) != plan.start:
+            elsewhere += 1
+        elif row is not None:
             rows[case.key] = row
+    if elsewhere:
+        reporter.note(f'{elsewhere} finished cases did not begin as start = "{plan.start}" says: they are done again')
+    if plan.start is Start.neighbour and len(numbers) > _MANY:
+        reporter.stage("neighbours")
     trees = forest(plan.cases) if plan.start is Start.neighbour else Forest()
     again = _without_states(trees, rows, cases)
     for key in again:
@@ -168,6 +180,15 @@ def _begun(order: CaseOrder, parent: Mapping[str, Any]) -> CaseOrder:
     return order if parent["status"] == "done" else replace(order, parent=None)
 
 
+def _left(after: dict[str, list[CaseOrder]], parent: str) -> Rows:
+    """Rows of all cases that would have begun after one that is still to be done, taken out of those that wait."""
+    found: Rows = {}
+    for order in after.pop(parent, ()):
+        found[order.key] = failed_row(order.key, "its neighbour is still to be done", again=True)
+        found |= _left(after, order.key)
+    return found
+
+
 def _answers(runner: Runner, orders: Sequence[CaseOrder], trees: Forest, known: Rows) -> Iterator[Rows]:
     """Rows by key as cases end, some at a time.
 
@@ -215,7 +236,9 @@ def _answers(runner: Runner, orders: Sequence[CaseOrder], trees: Forest, known: 
         for name, answer in runner.wait():
             under_way -= 1
             if name not in asked:
-                ended[name] = failed_row(name, answer) if isinstance(answer, str) else answer
+                ended[name] = failed_row(name, answer, again=True) if isinstance(answer, str) else answer
+                if "again" in ended[name]:
+                    ended |= _left(after, name)
                 for order in after.pop(name, ()):
                     insort(waiting, _begun(order, ended[name]), key=place)
                 continue

@@ -117,32 +117,39 @@ def needs_mesh(order: CaseOrder) -> Path | None:
     return None if order.task is Task.walk else stored_file(order.design, order.meshes)
 
 
-def failed_row(key: str, reason: str) -> dict[str, Any]:
-    """Row of a case that ended without a result."""
+def begun_as(row: Mapping[str, Any]) -> str:
+    """Where solves of the sweep began in which a row was made; rows that do not say are cold."""
+    return row.get("start", Start.cold.value)
+
+
+def failed_row(key: str, reason: str, *, again: bool = False) -> dict[str, Any]:
+    """Row of a case that ended without a result; `again` where the next run is to do it once more."""
     return {
         "key": key, "status": "failed", "reason": reason, "outputs": {}, "check": [], "notes": [], "seconds_s": None,
-        "newton_iterations_1": None, "parent": None,
+        "newton_iterations_1": None, "parent": None, **({"again": True} if again else {}),
     }  # fmt: skip
 
 
 def _performed(order: CaseOrder) -> dict[str, Any]:
     began = time.perf_counter()
-    keep = True
+    before: dict[str, Any] | None = None
     try:
+        before = kept_row(order.cases, order.key)
         row = {**failed_row(order.key, ""), "status": "done", **_JOBS[order.task](order)}
     except DiskError as error:
         return {**failed_row(order.key, str(error)), "status": "disk"}
     except BiobotError as error:
         # a file may be mended, a design stays what it is
-        row, keep = failed_row(order.key, str(error)), not isinstance(error, FileError)
+        row = failed_row(order.key, str(error), again=isinstance(error, FileError))
     except MemoryError:
-        row, keep = failed_row(order.key, "out of memory: give it fewer workers, or a larger mesh.size"), False
+        row = failed_row(order.key, "out of memory: give it fewer workers, or a larger mesh.size", again=True)
     except Exception as error:  # one case must not end the others
-        row, keep = failed_row(order.key, f"internal error: {type(error).__name__}: {error}"), False
-    row["seconds_s"] = round(time.perf_counter() - began, 3)
-    if row["status"] == "done" and (before := kept_row(order.cases, order.key)) is not None:
-        return before  # done again for the states that it had lost: what was said of it stays
-    if keep:
+        row = failed_row(order.key, f"internal error: {type(error).__name__}: {error}", again=True)
+    row |= {"seconds_s": round(time.perf_counter() - began, 3), "start": order.start.value}
+    if before is not None and begun_as(before) == order.start:
+        # done again for the states that it had lost: what was said of it stays, only children hear of a failure
+        return before if row["status"] == "done" else row
+    if "again" not in row:
         try:
             write_json(row_file(order.cases, order.key), row)
         except DiskError as error:
@@ -156,8 +163,9 @@ def _solve(order: CaseOrder) -> dict[str, Any]:
 
     beside = order.start is Start.neighbour
     shared = Shared(order.meshes, None if order.parent is None else order.cases / order.parent, sharp=beside)
-    # a case that was interrupted begins anew: half of one and half of another would show in the last digits
-    summary = run(order.design, order.cases / order.key, complete=False, shared=shared, force=beside)
+    # a case that was interrupted begins anew, and so does one begun elsewhere before: half of one and half of another
+    # would show in the last digits
+    summary = run(order.design, order.cases / order.key, complete=False, shared=shared, force=True)
     states, own = summary["solid"]["states"], order.design.value("muscle.reference")
     stroke = (summary["solid"].get("stroke") or {}).get(own, {})
     prefix = "remodelled_" if own == "remodelled" else ""

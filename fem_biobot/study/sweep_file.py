@@ -123,7 +123,7 @@ class SweepPlan:
     @property
     def digest(self) -> str:
         """Sixteen hexadecimal characters that name what the sweep computes."""
-        text = json.dumps([self.task.value, [case.key for case in self.cases]])
+        text = json.dumps([self.task.value, self.start.value, [case.key for case in self.cases]])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -67,6 +67,9 @@ def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figur
         tables.append(_ranks(ranks, names, outputs))
     failed = len(rows) - len(done)
     remarks = [f"{len(done)} of {len(rows)} cases done" + (f", {failed} failed: see the reasons" if failed else "")]
+    unkept = sum(bool(row.get("again")) for row in found.values())
+    if unkept:
+        remarks.append(f"{unkept} cases are still to be done: the same command does them")
     beside = sum(row.get("parent") is not None for row in found.values())
     if beside:
         remarks.append(f"{beside} of {len(done)} solves began at the states of a case near by")
@@ -94,6 +97,7 @@ def sweep_finding(plan: SweepPlan, found: Mapping[str, Mapping[str, Any]], figur
         [*(notes if len(notes) <= 8 else []), *unseen],
         remarks,
         views,
+        complete=not unkept,
     )
 
 

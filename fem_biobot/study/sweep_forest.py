@@ -6,8 +6,8 @@ later one begins at the nearest before it. The order of the file, of workers or 
 depend on them either.
 
 Trees are shallow and wide, so that workers seldom wait: of n cases on one mesh about the root of n begin from the
-undeformed body, and the rest is a few steps deep (a grid of 4 x 4: 1, of 8 x 8: 3; a Latin hypercube in three keys: 4
-with 64 points, 7 with 1 000, 9 with 4 096).
+undeformed body, and the rest is a few steps deep (a grid of 4 x 4: 1, of 8 x 8: 3; a Latin hypercube in three keys, by
+its seed: about 4 with 64 points, 7 with 1 000, 9 with 4 096). Time to make them goes with the square of n.
 """
 
 from __future__ import annotations

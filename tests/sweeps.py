@@ -6,11 +6,16 @@ import os
 import signal
 import stat
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from fem_biobot.solid import products, sharing
+from fem_biobot.solid.linear import pardiso_missing
 from fem_biobot.study.sweep_runner import Order
 
 WALKS = """
@@ -102,3 +107,23 @@ class Fails:
     def perform(self) -> dict[str, Any]:
         """Fail."""
         raise OSError("no such luck")
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Cases done in this process have one thread each, as those of workers: sums of two differ in their last digit."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (sharing, products):
+            patch.setattr(module, "usable_threads", lambda: 1)
+        if pardiso_missing() is not None:
+            yield
+            return
+        from pypardiso.pardiso_wrapper import PyPardisoSolver
+
+        mkl = PyPardisoSolver().libmkl
+        before = mkl.MKL_Get_Max_Threads()
+        mkl.MKL_Set_Num_Threads(1)
+        try:
+            yield
+        finally:
+            mkl.MKL_Set_Num_Threads(before)

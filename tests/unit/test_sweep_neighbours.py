@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from fem_biobot.study.sweep_case import CaseOrder
 from fem_biobot.study.sweep_file import Start, SweepPlan, Task, read_sweep
 from fem_biobot.study.sweep_forest import _spread, forest
 from tests.command import call, command, environment
-from tests.sweeps import Inline
+from tests.sweeps import Inline, one_thread
 
 STRIPS = """
 base = "strip"
@@ -58,6 +59,12 @@ def rows(folder: Path) -> list[dict[str, str]]:
 def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of sweeps are others' matter and take as long as the solves."""
     monkeypatch.setattr(sweep_findings, "_draw", lambda *given: [])
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _as_workers() -> Iterator[None]:
+    with one_thread():
+        yield
 
 
 @pytest.fixture(scope="module")

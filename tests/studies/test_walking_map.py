@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fem_biobot.ensembles import Nudge
 from fem_biobot.rod.reduce import reduce
 from tests.studies.loading import load_study, refuses, smoke_of
 
@@ -37,7 +38,7 @@ def test_equal_pillars_and_frictionless_ground_give_no_step() -> None:
 
 
 def test_the_study_shows_and_writes_what_it_found(tmp_path: Path) -> None:
-    """Tables with rows as long as their header, three CSV files and a picture.
+    """Tables with rows as long as their header, four CSV files and a picture.
 
     Catches: a column that a row lacks, a picture of nothing.
     """
@@ -46,12 +47,13 @@ def test_the_study_shows_and_writes_what_it_found(tmp_path: Path) -> None:
     assert all(table.rows and all(len(row) == len(table.header) for row in table.rows) for table in shown)
     module.write(found, tmp_path / "below")
     written = {path.name: path.stat().st_size for path in (tmp_path / "below").iterdir()}
-    assert set(written) == {"map.csv", "unequal.csv", "mechanisms.csv", "walking_map.png"}
+    assert set(written) == {"map.csv", "unequal.csv", "mechanisms.csv", "steps.csv", "walking_map.png"}
     assert written["walking_map.png"] > 10_000
 
 
 def test_the_study_refuses_steps_out_of_nothing() -> None:
-    """Its expectations fail on a step without friction, asymmetry or inertia, and on a walk the wrong way.
+    """Its expectations fail on a step without friction, asymmetry or inertia, on a walk the wrong way, on two kinds of
+    steps that do not close alike.
 
     Catches: a limit that is never compared.
     """
@@ -72,12 +74,16 @@ def test_the_study_refuses_steps_out_of_nothing() -> None:
     del found.mechanisms[0]["step_mm"]
     found.mechanisms[0]["remark"] = "it fell"
     refuses(lambda: module.expect(found), "it fell")
+    for number, change, word in ((0, {"direction": "toward long"}, "stick in air"), (-1, {"stroke_mm": 9.0}, "as far")):
+        found = copy.deepcopy(smoke())
+        found.steps[number].update(change)
+        refuses(lambda found=found: module.expect(found), word)
 
 
 def test_rows_that_are_there_are_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that stops leaves its rows; the next one takes them, makes the others, and does over one cut off half-way.
 
-    Catches: rows that wait for the end, rows of another machine, step or code taken for these.
+    Catches: rows that wait for the end, rows of another machine, nudge, step or code taken for these.
     """
     module, file, made = study(), tmp_path / "rows.jsonl", list[str]()
 
@@ -98,9 +104,34 @@ def test_rows_that_are_there_are_not_done_again(tmp_path: Path, monkeypatch: pyt
     found = module.Rows(file).of([*cases[:2], cases[4], cases[3]])
     assert made == [cases[4].names["mechanisms"], cases[3].names["mechanisms"]]
     assert [row["step_mm"] for row in found] == [0.1, 0.2, 0.1, 0.2]
-    keys = {replace(cases[0], **change).key() for change in ({}, {"step": 1e-4}, {"error": 1e-6}, {"amplitude": 0.5})}
-    monkeypatch.setattr(module, "code_digest", lambda: "another")
-    assert len(keys | {cases[0].key()}) == 5
+    whole = reduce(module.design_of(module.PUBLISHED), beam_elements=module.ELEMENTS["smoke"])
+    stiff = module.design_of(module.PUBLISHED, "air", "skeleton.material.young = 320 kPa")
+    machines = (
+        whole,
+        module.weightless_inertia(whole, 0.5),
+        reduce(stiff, beam_elements=module.ELEMENTS["smoke"]),
+        reduce(module.design_of(module.PUBLISHED, "submerged"), beam_elements=module.ELEMENTS["smoke"]),
+        module.point_feet(whole),
+        module.rebuilt(whole, damping_time=2.0 * whole.damping_time),
+        module.rebuilt(whole, members=[replace(m, passive=0.5 * m.passive) for m in whole.members]),
+    )
+    assert {machine.n_nodes for machine in machines} == {whole.n_nodes}
+    case = replace(cases[0], machine=whole)
+    changes = [{"machine": machine} for machine in machines]
+    changes += [{"nudge": Nudge(velocity=0.0)}, {"step": 1e-4}, {"error": 1e-6}, {"amplitude": 0.5}]
+    keys = {replace(case, **change).key() for change in changes}
+    again = reduce(module.design_of(module.PUBLISHED), beam_elements=module.ELEMENTS["smoke"])
+    assert {replace(case, machine=again).key(), replace(case, nudge=Nudge()).key()} < keys | {""}
+    for name in ("code_digest", "own_digest"):
+        monkeypatch.setattr(module, name, lambda: "another")
+        keys.add(case.key())
+    assert len(keys) == len(changes) + 2
+    monkeypatch.undo()
+    other = tmp_path / "walking_map.py"
+    other.write_text(Path(str(module.__file__)).read_text() + "\n")
+    own = module.own_digest()
+    monkeypatch.setattr(module, "__file__", str(other))
+    assert module.own_digest() != own
 
 
 def test_kinds_of_strokes_are_told_where_they_differ() -> None:

@@ -34,7 +34,7 @@ from fem_biobot.solid import direct, linear, path
 from fem_biobot.solid.from_design import tension_step
 from fem_biobot.solid.measures import Measurer
 from fem_biobot.solid.model import SolidModel, SolidSolution, SolidState, solve
-from fem_biobot.solid.newton import NewtonSettings
+from fem_biobot.solid.newton import NewtonSettings, Trial
 from fem_biobot.solid.sharing import usable_threads
 from fem_biobot.solid.system import Points, System
 from fem_biobot.study.outputs import write_table
@@ -49,9 +49,10 @@ PEAK = 14.0  # kPa
 OUTPUTS = 9
 # sizes of the committed meshes [mm]: small, the preset's own, fine
 SIZES = {"smoke": (2.0,), "full": (2.0, 0.9, 0.55)}
-# where plain Newton is shown
+# where plain Newton is shown on the nine outputs; a level without them has one short path of it
 PLAIN_SIZES: dict[str, tuple[float, ...]] = {"smoke": (), "full": (2.0, 0.9)}
 NINE = tuple(PEAK * k / OUTPUTS for k in range(1, OUTPUTS + 1))
+PLAIN_FROM_LAST = "plain, from last"
 HALF_AT_ONCE = {
     "smoke": (PEAK / 2, PEAK),
     "full": tuple(PEAK / 2 + PEAK / 2 * k / (OUTPUTS - 1) for k in range(OUTPUTS)),
@@ -132,8 +133,8 @@ def plain_newton() -> Iterator[None]:
     points, tangent = System.points, System.tangent
     latest: list[Points] = []
 
-    def remembered(self: System, F: np.ndarray, tension: float, **kwargs: bool) -> Points:
-        found = points(self, F, tension, **kwargs)
+    def remembered(self: System, F: np.ndarray, *given: Any, **kwargs: bool) -> Points:
+        found = points(self, F, *given, **kwargs)
         latest[:] = [*latest[-2:], found]
         return found
 
@@ -147,7 +148,7 @@ def plain_newton() -> Iterator[None]:
 @contextmanager
 def from_last_state() -> Iterator[None]:
     """Steps that begin at the last state instead of the predictor's extrapolation."""
-    with replaced(path, "predict", lambda system, history, goal: (history[-1].u, None)):
+    with replaced(path, "predict", lambda system, history, goal: Trial(history[-1].u, None, history[-1].p)):
         yield
 
 
@@ -176,11 +177,16 @@ def run(level: str) -> Study:
         _walk(study, design, model, measurer, size, "7 kPa at once", HALF_AT_ONCE[level])
         last = study.outputs[-1]
         _walk(study, design, model, measurer, size, "back to 0 at once", (0.0,), last["states"], last["tip_closing_mm"])
+        if not PLAIN_SIZES[level]:
+            with plain_newton(), from_last_state():
+                _walk(
+                    study, design, model, measurer, size, "7 kPa at once", HALF_AT_ONCE[level], method=PLAIN_FROM_LAST
+                )
         if size in PLAIN_SIZES[level]:
             with plain_newton():
                 _walk(study, design, model, measurer, size, "nine outputs", NINE, method="plain, predicted")
                 with from_last_state():
-                    _walk(study, design, model, measurer, size, "nine outputs", NINE, method="plain, from last")
+                    _walk(study, design, model, measurer, size, "nine outputs", NINE, method=PLAIN_FROM_LAST)
             with from_last_state():
                 _walk(study, design, model, measurer, size, "nine outputs", NINE, method="carried, from last")
     for row in study.outputs:
@@ -394,14 +400,14 @@ def write(study: Study, folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--level", choices=tuple(SIZES), default="full")
     parser.add_argument("--out", type=Path, default=Path("runs") / "studies" / "tension_path")
     options = parser.parse_args()
     study = run(options.level)
     show_tables(tables(study))
     write(study, options.out)
-    name = (linear.SuperLU if linear.pardiso_missing() else linear.Pardiso).name
+    name = "SuperLU" if linear.pardiso_missing() else "PARDISO"
     print(f"\n{usable_threads()} threads assemble; factorisation by {name}; files in {options.out}")
     expect(study)
     print("every expectation holds")

@@ -30,10 +30,12 @@ def test_a_study_shows_what_it_found(name: str, tmp_path: Path) -> None:
 def test_the_tension_path_is_as_short_as_expected() -> None:
     """0 to 14 kPa with nine outputs, half-way at once and back: few factorisations, one end state, nothing left.
 
-    Catches: a tangent without its geometric part (more factorisations), a predictor that extrapolates u alone.
+    Catches: a tangent without its geometric part (more factorisations), a predictor that extrapolates u alone, plain
+    Newton from the last state that cannot be run.
     """
     module, found = study("tension_path"), smoke("tension_path")
     module.expect(found)
+    assert [row["path"] for row in found.paths if row["method"] == module.PLAIN_FROM_LAST] == ["7 kPa at once"]
     assert {row["path"] for row in found.paths} == {"nine outputs", "7 kPa at once", "back to 0 at once"}
 
 

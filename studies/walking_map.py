@@ -185,7 +185,7 @@ def own_digest() -> str:
     """Name of the source that makes rows of walks: this study, how starts are drawn and how strokes are measured."""
     found = hashlib.sha256()
     for file in (__file__, ensembles.__file__, strokes.__file__):
-        found.update(Path(str(file)).read_bytes().replace(b"\r\n", b"\n") + b"\0")
+        found.update(Path(file).read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return found.hexdigest()[:16]
 
 

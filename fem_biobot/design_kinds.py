@@ -101,7 +101,7 @@ Law = Literal[
     "blemker",
 ]
 Layout = Literal["junction", "ring"]
-Grading = Literal["even", "closing"]
+Grading = Literal["even", "closing", "edges"]
 Reference = Literal["as_moulded", "remodelled"]
 Attachment = Literal["bonded", "contact"]
 OptionalCoefficient = Annotated[float | None, Quantity("1", 0.0)]

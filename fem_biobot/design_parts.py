@@ -333,7 +333,8 @@ class MeshSettings(Record, frozen=True):
     grading: Grading = Field(
         default="even",
         description="even: finer in thin parts and corners; closing: finer where the tips' closing is decided, of "
-        "elements half again as long along y; at half again the size fewer unknowns and a smaller error of the closing",
+        "elements half again as long along y; at half again the size fewer unknowns and a smaller error of the "
+        "closing; edges: finer along the pillars' edges that unbonded rings wrap around",
     )
     element: Element = Field(
         default="P2",

@@ -63,7 +63,7 @@ def mesh_for(design: Design, size: float | None = None) -> tuple[BodyMesh, list[
         asked = design.mesh.size if size is None else size
         plan = layout(design)
         coarse = (
-            "; along the pillars' edges it is coarse, and rings overlap them there" if plan.edge_share < 1.0 else ""
+            "; along the pillars' edges it is coarse, and loose rings overlap them" if plan.edge_share < 1.0 else ""
         )
         note = (
             f"Gmsh cannot start ({missing.library} is missing): the committed mesh {mesh.source['file']} of size "

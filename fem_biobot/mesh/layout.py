@@ -20,8 +20,8 @@ Point = tuple[float, float, float]
 # of elements along y to those across, in meshes for the closing: beam, junction and the edges at which their errors
 # arise run along y, and what happens there changes little along it
 ALONG_EDGES = 1.5
-# of a ring's elements along the vertical edges of pillars that it wraps around unbonded, to those elsewhere in it: what
-# overlaps at an edge is a share of the facets' length (`studies/ring_contact.py`)
+# of a ring's elements along the vertical edges of pillars that it wraps around, to those elsewhere in it, in meshes for
+# the edges: what overlaps of unbonded rings there is a share of the facets' length (`studies/ring_contact.py`)
 EDGE_SHARE = 0.2
 
 
@@ -87,8 +87,7 @@ class Layout:
     for_closing
         Whether a mesh is to be finer where the tips' closing is decided, with elements that are longer along y.
     edge_share
-        Size of a ring's elements along the vertical edges that it wraps around unbonded, to those elsewhere in it [1];
-        1 where rings are bonded and edges of no concern.
+        Size of a ring's elements along the vertical edges that it wraps around, to those elsewhere in it [1].
     """
 
     beam: Box | None
@@ -109,8 +108,8 @@ class Layout:
 
     @property
     def grading(self) -> str:
-        """What `mesh.grading` comes to for this body: a strip, a cantilever are even; with edges where rings slide."""
-        return ("closing" if self.for_closing else "even") + (" with edges" if self.edge_share < 1.0 else "")
+        """What `mesh.grading` comes to for this body: a strip and a cantilever are even."""
+        return "closing" if self.for_closing else "edges" if self.edge_share < 1.0 else "even"
 
     @property
     def lengthened(self) -> float:
@@ -220,7 +219,7 @@ def _bot(design: Design) -> Layout:
         cuts,
         (pillars[0].high[0], 0.0, pillars[-1].low[0]),
         design.mesh.grading == "closing",
-        EDGE_SHARE if m.attachment == "contact" else 1.0,
+        EDGE_SHARE if design.mesh.grading == "edges" else 1.0,
     )
 
 

@@ -15,7 +15,7 @@ from fem_biobot.mesh.tagged import read_mesh, write_mesh
 def stored_file(design: Design, folder: Path) -> Path:
     """File of a design's mesh in a store: named by what shapes it, and by nothing else."""
     grading = layout(design).grading
-    graded = "" if grading == "even" else f"_{grading.replace(' ', '_')}"
+    graded = "" if grading == "even" else f"_{grading}"
     return folder / f"{geometry_digest(design)}_{design.mesh.size!r}mm{graded}.msh"
 
 

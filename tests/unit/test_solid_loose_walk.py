@@ -11,7 +11,6 @@ import pytest
 
 from fem_biobot.config import load_design
 from fem_biobot.errors import DesignError, FileError
-from fem_biobot.mesh.committed import mesh_for
 from fem_biobot.study import solid_walking
 from fem_biobot.study.reporter import Silent
 from fem_biobot.study.solid_walking import walk_solid
@@ -52,9 +51,6 @@ def test_a_walk_with_loose_rings_is_whole_and_goes_on(tmp_path: Path, monkeypatc
     accounted for, or under another name.
     """
     design = load_design("junction_bot", SETS)
-    # that of the bonded machine has elements five times as long along the pillars' edges, half as many: much quicker
-    coarse = mesh_for(load_design("junction_bot", SETS[:4]))
-    monkeypatch.setattr(solid_walking, "mesh_for", lambda _: coarse)
     out, parts = tmp_path / "whole", tmp_path / "parts"
     (walk,) = walk_solid(design, out, PLAN)["walks"]
     assert walk["energy_error_1"] < 1e-6

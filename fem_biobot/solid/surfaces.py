@@ -122,7 +122,8 @@ def node_areas(space: Space, points: Array, triangles: Ints) -> Array:
     nodes = space.surface_nodes(triangles)
     # of a quadratic field over a straight triangle the sides' middles carry all
     carrying = nodes[3:] if len(nodes) == 6 else nodes
-    return np.bincount(carrying.ravel(), np.tile(area / 3.0, len(carrying)), minlength=space.n_nodes)
+    shares = np.bincount(carrying.ravel(), np.tile(area / 3.0, len(carrying)), minlength=space.n_nodes)
+    return np.asarray(shares, dtype=np.float64)
 
 
 class SurfaceTerm(Protocol):
